@@ -1,0 +1,3 @@
+//! Tyndall
+#![forbid(unsafe_code)]
+pub mod scene;
