@@ -11,8 +11,8 @@ pub mod param;
 pub mod presets;
 
 pub use document::{
-    About, Background, Boundary, Camera, Cloud, Color, Display, File, Homogeneous, Integrator, Lamp, Law, Light, Medium, Phase,
-    PhaseType, Physarum, Render, Reorient, Scene, Sky, Source, Sun, Tonemap, Transform, Volume, Window, Filter, Edge,
+    About, Background, Boundary, Camera, Cloud, Color, Display, Edge, File, Filter, Homogeneous, Integrator, Lamp, Law, Light,
+    Medium, Phase, PhaseType, Physarum, Render, Reorient, Scene, Sky, Source, Sun, Tonemap, Transform, Volume, Window,
 };
 pub use history::History;
 pub use param::{Param, Refusal};

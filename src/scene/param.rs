@@ -280,9 +280,8 @@ impl Param for String {
         json!({"type": "string", "maxLength": 4096})
     }
     fn read(value: &Value, at: &Place<'_>) -> Result<Self, Refusal> {
-        let text = value
-            .as_str()
-            .ok_or_else(|| at.refuse("wrong_type", format!("expected a string, found {}", type_name(value))))?;
+        let text =
+            value.as_str().ok_or_else(|| at.refuse("wrong_type", format!("expected a string, found {}", type_name(value))))?;
         if text.len() > 4096 {
             return Err(at.refuse("out_of_range", "longer than 4096 bytes"));
         }

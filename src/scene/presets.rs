@@ -15,8 +15,8 @@ static PRESETS: LazyLock<Vec<(&'static str, Value)>> = LazyLock::new(|| {
         .files()
         .filter_map(|file| {
             let name = file.path().file_stem()?.to_str()?;
-            let document = serde_json::from_slice(file.contents())
-                .unwrap_or_else(|error| panic!("the preset {name} is not JSON: {error}"));
+            let document =
+                serde_json::from_slice(file.contents()).unwrap_or_else(|error| panic!("the preset {name} is not JSON: {error}"));
             Some((name, document))
         })
         .collect();
