@@ -1,7 +1,9 @@
 //! Tyndall
 #![forbid(unsafe_code)]
 pub mod engine;
+pub mod export;
 pub mod gpu;
+pub mod import;
 pub mod scene;
 pub mod sim;
 pub mod stream;
