@@ -4,6 +4,7 @@ pub mod engine;
 pub mod export;
 pub mod gpu;
 pub mod import;
+pub mod render;
 pub mod scene;
 pub mod sim;
 pub mod stream;

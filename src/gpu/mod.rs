@@ -223,13 +223,17 @@ impl Gpu {
         Ok(buffer)
     }
 
-    /// Makes a uniform buffer that holds `value`, laid out as WGSL wants it.
+    /// Makes a parameter buffer that holds `value`, laid out as WGSL wants it.
+    ///
+    /// A kernel may bind it as `uniform`, or as `storage, read`. Parameters that a loop or branch depends on
+    /// belong in storage: Mesa 22's software driver compiles a variant of the kernel for every value of a uniform
+    /// that control flow depends on, and crashes where there are more than a few.
     pub fn uniform<T: encase::ShaderType + encase::internal::WriteInto>(&self, what: &str, value: &T) -> wgpu::Buffer {
         let bytes = uniform_bytes(value);
         let buffer = self.0.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some(what),
             size: bytes.len() as u64,
-            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
         self.0.queue.write_buffer(&buffer, 0, &bytes);

@@ -1,0 +1,563 @@
+// Follows paths through the volumes by delta tracking (or voxel by voxel) and adds what they gather to the film.
+//
+// An invocation owns `pixels_per_lane` pixels, one after the other, and brings each to `target_samples` samples. Its state
+// is one path: it flies (cell by cell through one volume after the other), and when the flight has ended it
+// scatters, escapes, or looks to a light. A dispatch ends after `budget` flights a lane; the path under way is
+// then kept in `suspended` and goes on in the next dispatch.
+#import lib/random.wgsl
+#import lib/phase.wgsl
+#import lib/volume.wgsl
+#import lib/light.wgsl
+
+/// Whether the scene has exactly one volume: lets the compiler drop the walk over volumes.
+override SINGLE: bool = false;
+/// Whether any volume has the threshold law.
+override THRESHOLD: bool = true;
+/// Whether any volume shines.
+override EMISSION: bool = true;
+
+const NONE: u32 = 0xffffffffu;
+const BACKGROUND_SKY: u32 = 0u;
+const BACKGROUND_TRANSPARENT: u32 = 2u;
+/// Throughput below which a path takes part in Russian roulette.
+const ROULETTE: f32 = 0.3;
+
+struct Camera {
+    position: vec3f,
+    forward: vec3f,
+    /// To the right and up, as long as half the picture's height at distance 1.
+    right: vec3f,
+    up: vec3f,
+    /// Axes of the lens, as long as its radius.
+    lens_right: vec3f,
+    lens_up: vec3f,
+    /// Distance of the plane in focus, along `forward`.
+    focus: f32,
+}
+
+struct Scene {
+    camera: Camera,
+    volume_count: u32,
+    max_bounces: u32,
+    background: u32,
+    seed: u32,
+    /// Weight of a new sample over all before it; 0: each counts alike.
+    blend: f32,
+}
+
+/// What one dispatch does.
+struct Batch {
+    /// Size of the whole picture, of which the film is a band.
+    picture: vec2u,
+    /// Size of the film, and the picture's row at which it begins.
+    film: vec2u,
+    first_row: u32,
+    /// Samples that each pixel shall have.
+    target_samples: u32,
+    /// Blocks of 8×8 pixels along x and in all; block i stands at (i·stride) mod count, to spread work over the picture.
+    blocks_x: u32,
+    blocks: u32,
+    stride: u32,
+    /// The part of the blocks that this dispatch works on.
+    first_block: u32,
+    end_block: u32,
+    /// Blocks of one workgroup.
+    blocks_per_group: u32,
+    /// Flights that a lane may begin.
+    budget: u32,
+    /// 1: go on with suspended paths.
+    resume: u32,
+}
+
+/// A path between two flights.
+struct Path {
+    origin: vec3f,
+    /// The lane's block under way.
+    block: u32,
+    direction: vec3f,
+    bounces: u32,
+    throughput: vec3f,
+    /// The volume in whose voxel the flight begins after a scattering: the threshold law draws no lot there again.
+    scattered_in: u32,
+    radiance: vec3f,
+    alpha: f32,
+    random: vec2u,
+    alive: u32,
+    pad: u32,
+}
+
+struct Status {
+    /// Lanes whose path is suspended.
+    suspended: atomic<u32>,
+    /// Paths dropped because they were not finite.
+    dropped: atomic<u32>,
+}
+
+// Parameters stand in storage, not in uniforms: see `Gpu::uniform`.
+@group(0) @binding(0) var<storage, read> scene: Scene;
+@group(0) @binding(1) var<storage, read> light: Light;
+@group(0) @binding(2) var<storage, read> volumes: array<Volume, MAX_VOLUMES>;
+@group(0) @binding(3) var<storage, read> batch: Batch;
+/// (lowest value, 1 / width) of each volume.
+@group(0) @binding(4) var<storage, read> windows: array<vec2f>;
+/// All volumes' words.
+@group(0) @binding(5) var<storage, read> words: array<u32>;
+/// Greatest value in reach of each macrocell.
+@group(0) @binding(6) var<storage, read> cell_max: array<f32>;
+/// Two words of four a pixel: mean of r, g, b, alpha; sum of squared deviations of r, g, b, and the counts
+/// (samples in the low 21 bits, dropped paths above).
+@group(0) @binding(7) var<storage, read_write> film: array<vec4u>;
+@group(0) @binding(8) var<storage, read_write> suspended: array<Path>;
+@group(0) @binding(9) var<storage, read_write> status: Status;
+
+const COUNT_BITS: u32 = 21u;
+const COUNT_MASK: u32 = 0x1fffffu;
+
+// The path of this invocation.
+var<private> path: Path;
+var<private> random: vec2u;
+
+// Its pixel: index in the film, running mean and squared deviations, counts.
+var<private> pixel: u32 = NONE;
+var<private> pixel_mean: vec4f;
+var<private> pixel_spread: vec3f;
+var<private> pixel_counts: u32;
+
+// Its flight: along path.direction, or towards a light.
+var<private> flying: bool = false;
+var<private> to_light: bool = false;
+var<private> ray: vec3f;
+/// Length at which the flight must end: the lamp, or the nearest collision found in other volumes.
+var<private> reach: f32;
+/// The volume flown through, and the volume of the nearest collision so far.
+var<private> volume: u32;
+var<private> hit: u32;
+/// Transmittance towards the light.
+var<private> transmittance: f32;
+/// What arrives if nothing stands in the way.
+var<private> arriving: vec3f;
+
+// The walk through `volume`: position in it is start + ray_v·t.
+var<private> start: vec3f;
+var<private> ray_v: vec3f;
+var<private> t: f32;
+var<private> t_out: f32;
+var<private> cell: vec3i;
+var<private> t_next: vec3f;
+/// Optical depth left until the next tentative collision.
+var<private> depth: f32;
+/// Whether the voxel entered next is the one of the last scattering.
+var<private> skip: bool;
+
+fn draw_u32() -> u32 {
+    var state = random;
+    let word = next_u32(&state);
+    random = state;
+    return word;
+}
+
+fn draw() -> f32 {
+    return unit_f32(draw_u32());
+}
+
+fn index_of(volume_at: u32) -> u32 {
+    // A constant index lets the compiler keep the volume's parameters in registers.
+    return select(volume_at, 0u, SINGLE);
+}
+
+/// Begins the walk through the volume at hand; false where the ray misses it.
+fn enter() -> bool {
+    let v = index_of(volume);
+    let o = vec4f(path.origin, 1.0);
+    start = vec3f(dot(volumes[v].voxel_from_world_x, o), dot(volumes[v].voxel_from_world_y, o), dot(volumes[v].voxel_from_world_z, o));
+    let d = vec3f(dot(volumes[v].voxel_from_world_x.xyz, ray), dot(volumes[v].voxel_from_world_y.xyz, ray), dot(volumes[v].voxel_from_world_z.xyz, ray));
+    // No component may be 0: 0·∞ is NaN.
+    ray_v = select(d, select(vec3f(-1e-12), vec3f(1e-12), d >= vec3f(0.0)), abs(d) < vec3f(1e-12));
+    let size = vec3f(volumes[v].size);
+    let a = -start / ray_v;
+    let b = (size - start) / ray_v;
+    let near = min(a, b);
+    let far = max(a, b);
+    t = max(max(near.x, near.y), max(near.z, 0.0));
+    t_out = min(min(far.x, far.y), min(far.z, reach));
+    if (!(t < t_out)) {
+        return false;
+    }
+    let edge = cell_edge(v);
+    let cells = (volumes[v].size + edge - 1) / edge;
+    cell = clamp(vec3i(floor((start + ray_v * t) / f32(edge))), vec3i(0), cells - 1);
+    t_next = (vec3f(select(cell, cell + 1, ray_v > vec3f(0.0)) * edge) - start) / ray_v;
+    depth = -log(1.0 - draw());
+    skip = volume == select(path.scattered_in, hit, to_light);
+    return true;
+}
+
+/// Edge of the cells that a volume is walked by: macrocells, or the voxels themselves.
+fn cell_edge(v: u32) -> i32 {
+    return select(CELL, 1, THRESHOLD && volumes[v].law == LAW_THRESHOLD);
+}
+
+/// Density in a voxel.
+fn density_at(v: u32, voxel: vec3i) -> f32 {
+    if (volumes[v].format == FORMAT_SOLID) {
+        return 1.0;
+    }
+    let size = volumes[v].size;
+    let word = words[volumes[v].first_word + u32((voxel.z * size.y + voxel.y) * size.x + voxel.x)];
+    return density_of(word_value(volumes[v].format, word), windows[v]);
+}
+
+/// Moves on to the next cell; false where the volume, or the flight's reach, ends.
+fn advance(edge: i32, t_cell: f32) -> bool {
+    if (t_cell >= t_out) {
+        return false;
+    }
+    let axis = vec3<bool>(t_next.x <= t_cell, t_next.y <= t_cell && t_next.x > t_cell, t_next.z <= t_cell && t_next.x > t_cell && t_next.y > t_cell);
+    let step = select(vec3i(-1), vec3i(1), ray_v > vec3f(0.0));
+    cell = select(cell, cell + step, axis);
+    t_next = select(t_next, (vec3f(select(cell, cell + 1, ray_v > vec3f(0.0)) * edge) - start) / ray_v, axis);
+    t = t_cell;
+    return true;
+}
+
+/// Walks on by one macrocell or one tentative collision; false when the flight through this volume has ended.
+fn step_beer(v: u32) -> bool {
+    let cells = volumes[v].cells;
+    var greatest = 1.0;
+    if (volumes[v].format != FORMAT_SOLID) {
+        let inside = clamp(cell, vec3i(0), cells - 1);
+        greatest = density_of(cell_max[volumes[v].first_cell + u32((inside.z * cells.y + inside.y) * cells.x + inside.x)], windows[v]);
+    }
+    let majorant = volumes[v].track * greatest;
+    let t_cell = min(t_next.x, min(t_next.y, t_next.z));
+    let length = max(min(t_cell, t_out) - t, 0.0);
+    if (depth >= majorant * length) {
+        depth -= majorant * length;
+        return advance(CELL, t_cell);
+    }
+    t += depth / majorant;
+    depth = -log(1.0 - draw());
+    // Trilinear interpolation is the mean over a jitter of half a voxel each way: one lookup a collision draws the
+    // same lot as eight. Lookups stay where the majorant holds.
+    let word = draw_u32();
+    let reach_v = volumes[v].reach;
+    var p = start + ray_v * t;
+    if (reach_v > 0) {
+        let jitter = draw_u32();
+        p += vec3f(vec3u(jitter & 0x7ffu, (jitter >> 11u) & 0x7ffu, (jitter >> 22u) << 1u)) / 2048.0 - vec3f(2047.0, 2047.0, 2046.0) / 4096.0;
+    }
+    let lo = max(cell * CELL - reach_v, vec3i(0));
+    let hi = min(cell * CELL + (CELL - 1) + reach_v, volumes[v].size - 1);
+    let density = density_at(v, clamp(vec3i(floor(p)), lo, hi));
+    if (to_light) {
+        transmittance *= max(1.0 - volumes[v].sigma_t * density / majorant, 0.0);
+        return fade();
+    }
+    if (EMISSION) {
+        path.radiance += path.throughput * volumes[v].emission * (density / majorant);
+    }
+    if (unit_f32(word) * majorant < volumes[v].sigma_t * density) {
+        reach = t;
+        hit = volume;
+        return false;
+    }
+    return true;
+}
+
+/// Enters one voxel by the threshold law; false when the flight through this volume has ended.
+fn step_threshold(v: u32) -> bool {
+    let density = density_at(v, clamp(cell, vec3i(0), volumes[v].size - 1));
+    let t_cell = min(t_next.x, min(t_next.y, t_next.z));
+    let length = max(min(t_cell, t_out) - t, 0.0);
+    let p = select(min(volumes[v].voxel_probability * density, 1.0), 0.0, skip);
+    skip = false;
+    if (to_light) {
+        transmittance *= 1.0 - p;
+        return fade() && advance(1, t_cell);
+    }
+    var flown = length;
+    let scatters = draw() < p;
+    if (scatters) {
+        flown = length * draw();
+    }
+    if (EMISSION) {
+        path.radiance += path.throughput * volumes[v].emission * (density * flown);
+    }
+    if (scatters) {
+        t += flown;
+        reach = t;
+        hit = volume;
+        return false;
+    }
+    return advance(1, t_cell);
+}
+
+/// Russian roulette on light that is nearly gone; false when it is.
+fn fade() -> bool {
+    if (transmittance < 0.05) {
+        transmittance = select(0.0, transmittance * 2.0, draw() < 0.5);
+    }
+    return transmittance > 0.0;
+}
+
+/// Walks on by one cell; false when the flight through this volume has ended.
+fn step() -> bool {
+    let v = index_of(volume);
+    if (THRESHOLD) {
+        if (volumes[v].law == LAW_THRESHOLD) {
+            return step_threshold(v);
+        }
+    }
+    return step_beer(v);
+}
+
+/// Begins a flight at the first volume that the ray meets; false where there is none.
+fn take_off(first: u32) -> bool {
+    volume = first;
+    while (volume < scene.volume_count) {
+        if (enter()) {
+            return true;
+        }
+        volume++;
+    }
+    return false;
+}
+
+/// Begins the flight along the path.
+fn fly() {
+    ray = path.direction;
+    to_light = false;
+    reach = 0x1.fffffep+127f;
+    hit = NONE;
+    flying = take_off(0u);
+}
+
+/// Chooses a light and begins the flight towards it; false where there is none.
+fn look_to_light() -> bool {
+    let lights = light.suns + light.lamp_count;
+    if (lights == 0u) {
+        return false;
+    }
+    var chosen = 0u;
+    if (lights > 1u) {
+        chosen = min(u32(draw() * f32(lights)), lights - 1u);
+    }
+    reach = 0x1.fffffep+127f;
+    if (chosen < light.suns) {
+        ray = light.to_sun;
+        arriving = light.sun_irradiance;
+    } else {
+        let lamp = light.lamps[chosen - light.suns];
+        let way = lamp.position - path.origin;
+        reach = max(length(way), 1e-6);
+        ray = way / reach;
+        arriving = lamp.intensity / (reach * reach);
+    }
+    let v = index_of(hit);
+    arriving *= f32(lights) * phase_eval(volumes[v].phase, volumes[v].phase_shape, dot(path.direction, ray));
+    transmittance = 1.0;
+    to_light = true;
+    flying = take_off(0u);
+    return true;
+}
+
+/// Scatters at the collision found: the path loses what is absorbed.
+fn scatter() {
+    let v = index_of(hit);
+    path.origin += path.direction * reach;
+    path.throughput *= volumes[v].albedo;
+    path.scattered_in = hit;
+    path.bounces++;
+    path.alpha = 1.0;
+    if (THRESHOLD) {
+        if (volumes[v].law == LAW_THRESHOLD && volumes[v].scatter_loss > 0.0) {
+            let p = path.origin;
+            let q = vec3f(dot(volumes[v].voxel_from_world_x, vec4f(p, 1.0)), dot(volumes[v].voxel_from_world_y, vec4f(p, 1.0)), dot(volumes[v].voxel_from_world_z, vec4f(p, 1.0)));
+            let density = density_at(v, clamp(vec3i(floor(q)), vec3i(0), volumes[v].size - 1));
+            path.throughput *= 1.0 - volumes[v].scatter_loss * min(density, 1.0);
+        }
+    }
+}
+
+/// Turns the path after a scattering; false where it ends.
+fn turn() -> bool {
+    if (path.bounces >= scene.max_bounces) {
+        return false;
+    }
+    let strongest = max(path.throughput.x, max(path.throughput.y, path.throughput.z));
+    if (strongest < ROULETTE) {
+        let survival = strongest / ROULETTE;
+        if (draw() >= survival) {
+            return false;
+        }
+        path.throughput /= survival;
+    }
+    let v = index_of(hit);
+    path.direction = phase_sample(volumes[v].phase, volumes[v].phase_shape, path.direction, vec2f(draw(), draw()));
+    return true;
+}
+
+/// What a path that met nothing more sees.
+fn escape() {
+    if (path.bounces > 0u || scene.background == BACKGROUND_SKY) {
+        path.radiance += path.throughput * sky(path.direction);
+    }
+    if (path.bounces == 0u && scene.background != BACKGROUND_TRANSPARENT) {
+        path.alpha = 1.0;
+    }
+}
+
+fn finite(x: vec3f) -> bool {
+    // Spelled in bits: compilers may assume that floats are finite.
+    return all((bitcast<vec3u>(x) & vec3u(0x7f800000u)) != vec3u(0x7f800000u));
+}
+
+/// Adds the finished path to its pixel.
+fn gather() {
+    if (!finite(path.radiance)) {
+        // A single bad path would poison the film for ever.
+        atomicAdd(&status.dropped, 1u);
+        pixel_counts += 1u << COUNT_BITS;
+        return;
+    }
+    pixel_counts++;
+    let weight = max(1.0 / f32(pixel_counts & COUNT_MASK), scene.blend);
+    let change = vec4f(path.radiance, path.alpha) - pixel_mean;
+    pixel_mean += change * weight;
+    pixel_spread += change.xyz * (vec4f(path.radiance, path.alpha) - pixel_mean).xyz;
+}
+
+fn samples_done() -> u32 {
+    return (pixel_counts & COUNT_MASK) + (pixel_counts >> COUNT_BITS);
+}
+
+fn put_pixel() {
+    if (pixel != NONE) {
+        film[2u * pixel] = bitcast<vec4u>(pixel_mean);
+        film[2u * pixel + 1u] = vec4u(bitcast<vec3u>(pixel_spread), pixel_counts);
+    }
+}
+
+/// Position in the film of this lane's pixel in a block.
+fn place(block: u32, lane: u32) -> vec2u {
+    let at = (block * batch.stride) % batch.blocks;
+    return vec2u(at % batch.blocks_x, at / batch.blocks_x) * 8u + vec2u(lane % 8u, lane / 8u);
+}
+
+/// Takes up the lane's pixel in the block under way, if it stands in the film.
+fn take_pixel(lane: u32) {
+    let at = place(path.block, lane);
+    pixel = NONE;
+    if (all(at < batch.film)) {
+        pixel = at.y * batch.film.x + at.x;
+        pixel_mean = bitcast<vec4f>(film[2u * pixel]);
+        let spread = film[2u * pixel + 1u];
+        pixel_spread = bitcast<vec3f>(spread.xyz);
+        pixel_counts = spread.w;
+    }
+}
+
+/// Begins a path at the camera.
+fn depart(lane: u32) {
+    let at = place(path.block, lane) + vec2u(0u, batch.first_row);
+    random = stream(at.y * batch.picture.x + at.x, samples_done(), scene.seed);
+    let p = 2.0 * (vec2f(at) + vec2f(draw(), draw())) / vec2f(batch.picture) - 1.0;
+    let aspect = f32(batch.picture.x) / f32(batch.picture.y);
+    let way = scene.camera.forward + p.x * aspect * scene.camera.right - p.y * scene.camera.up;
+    let r = sqrt(draw());
+    let phi = 2.0 * PI * draw();
+    let lens = r * (cos(phi) * scene.camera.lens_right + sin(phi) * scene.camera.lens_up);
+    path.origin = scene.camera.position + lens;
+    path.direction = normalize(way * scene.camera.focus - lens);
+    path.throughput = vec3f(1.0);
+    path.radiance = vec3f(0.0);
+    path.alpha = 0.0;
+    path.bounces = 0u;
+    path.scattered_in = NONE;
+    path.alive = 1u;
+}
+
+@compute @workgroup_size(64)
+fn main(@builtin(workgroup_id) group_id: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
+    let group = group_id.y * groups.x + group_id.x;
+    let slot = group * 64u + lane;
+    let first = batch.first_block + group * batch.blocks_per_group;
+    let end = min(first + batch.blocks_per_group, batch.end_block);
+    if (first >= end) {
+        return;
+    }
+    if (batch.resume == 1u) {
+        path = suspended[slot];
+        if (path.alive == 0u) {
+            return;
+        }
+        random = path.random;
+    } else {
+        path.block = first;
+        path.alive = 0u;
+    }
+    take_pixel(lane);
+    if (path.alive == 1u) {
+        fly();
+    }
+    var flights = 0u;
+    loop {
+        // Fly until this lane's flight has ended.
+        while (flying) {
+            if (step()) {
+                continue;
+            }
+            // A light that is hidden, or the last volume: the flight is over; else on to the next volume.
+            if (SINGLE || (to_light && transmittance <= 0.0)) {
+                flying = false;
+            } else {
+                flying = take_off(volume + 1u);
+            }
+        }
+        // Then decide what comes next.
+        if (path.alive == 1u) {
+            var goes_on = true;
+            if (to_light) {
+                path.radiance += path.throughput * arriving * transmittance;
+                goes_on = turn();
+            } else if (hit != NONE) {
+                scatter();
+                if (look_to_light()) {
+                    continue;
+                }
+                goes_on = turn();
+            } else {
+                escape();
+                goes_on = false;
+            }
+            if (!goes_on) {
+                gather();
+                path.alive = 0u;
+            }
+        }
+        if (path.alive == 0u) {
+            while (path.block < end && (pixel == NONE || samples_done() >= batch.target_samples)) {
+                put_pixel();
+                path.block++;
+                if (path.block < end) {
+                    take_pixel(lane);
+                }
+            }
+            if (path.block >= end) {
+                break;
+            }
+            depart(lane);
+        }
+        flights++;
+        if (flights > batch.budget) {
+            break;
+        }
+        fly();
+    }
+    if (path.block < end) {
+        put_pixel();
+        atomicAdd(&status.suspended, 1u);
+    }
+    path.random = random;
+    suspended[slot] = path;
+}
