@@ -132,6 +132,9 @@ var<private> reach: f32;
 /// The volume flown through, and the volume of the nearest collision so far.
 var<private> volume: u32;
 var<private> hit: u32;
+/// Parameters of the volume last taken up.
+var<private> here: Volume;
+var<private> here_window: vec2f;
 /// Transmittance towards the light.
 var<private> transmittance: f32;
 /// What arrives if nothing stands in the way.
@@ -160,20 +163,24 @@ fn draw() -> f32 {
     return unit_f32(draw_u32());
 }
 
-fn index_of(volume_at: u32) -> u32 {
-    // A constant index lets the compiler keep the volume's parameters in registers.
-    return select(volume_at, 0u, SINGLE);
+/// Takes up the parameters of a volume. They are kept in registers: a storage load costs software drivers a
+/// hundred cycles.
+fn load_volume(index: u32) {
+    if (!SINGLE) {
+        here = volumes[index];
+        here_window = windows[index];
+    }
 }
 
 /// Begins the walk through the volume at hand; false where the ray misses it.
 fn enter() -> bool {
-    let v = index_of(volume);
+    load_volume(volume);
     let o = vec4f(path.origin, 1.0);
-    start = vec3f(dot(volumes[v].voxel_from_world_x, o), dot(volumes[v].voxel_from_world_y, o), dot(volumes[v].voxel_from_world_z, o));
-    let d = vec3f(dot(volumes[v].voxel_from_world_x.xyz, ray), dot(volumes[v].voxel_from_world_y.xyz, ray), dot(volumes[v].voxel_from_world_z.xyz, ray));
+    start = vec3f(dot(here.voxel_from_world_x, o), dot(here.voxel_from_world_y, o), dot(here.voxel_from_world_z, o));
+    let d = vec3f(dot(here.voxel_from_world_x.xyz, ray), dot(here.voxel_from_world_y.xyz, ray), dot(here.voxel_from_world_z.xyz, ray));
     // No component may be 0: 0·∞ is NaN.
     ray_v = select(d, select(vec3f(-1e-12), vec3f(1e-12), d >= vec3f(0.0)), abs(d) < vec3f(1e-12));
-    let size = vec3f(volumes[v].size);
+    let size = vec3f(here.size);
     let a = -start / ray_v;
     let b = (size - start) / ray_v;
     let near = min(a, b);
@@ -183,8 +190,8 @@ fn enter() -> bool {
     if (!(t < t_out)) {
         return false;
     }
-    let edge = cell_edge(v);
-    let cells = (volumes[v].size + edge - 1) / edge;
+    let edge = cell_edge();
+    let cells = (here.size + edge - 1) / edge;
     cell = clamp(vec3i(floor((start + ray_v * t) / f32(edge))), vec3i(0), cells - 1);
     t_next = (vec3f(select(cell, cell + 1, ray_v > vec3f(0.0)) * edge) - start) / ray_v;
     depth = -log(1.0 - draw());
@@ -193,18 +200,18 @@ fn enter() -> bool {
 }
 
 /// Edge of the cells that a volume is walked by: macrocells, or the voxels themselves.
-fn cell_edge(v: u32) -> i32 {
-    return select(CELL, 1, THRESHOLD && volumes[v].law == LAW_THRESHOLD);
+fn cell_edge() -> i32 {
+    return select(CELL, 1, THRESHOLD && here.law == LAW_THRESHOLD);
 }
 
 /// Density in a voxel.
-fn density_at(v: u32, voxel: vec3i) -> f32 {
-    if (volumes[v].format == FORMAT_SOLID) {
+fn density_at(voxel: vec3i) -> f32 {
+    if (here.format == FORMAT_SOLID) {
         return 1.0;
     }
-    let size = volumes[v].size;
-    let word = words[volumes[v].first_word + u32((voxel.z * size.y + voxel.y) * size.x + voxel.x)];
-    return density_of(word_value(volumes[v].format, word), windows[v]);
+    let size = here.size;
+    let word = words[here.first_word + u32((voxel.z * size.y + voxel.y) * size.x + voxel.x)];
+    return density_of(word_value(here.format, word), here_window);
 }
 
 /// Moves on to the next cell; false where the volume, or the flight's reach, ends.
@@ -221,14 +228,14 @@ fn advance(edge: i32, t_cell: f32) -> bool {
 }
 
 /// Walks on by one macrocell or one tentative collision; false when the flight through this volume has ended.
-fn step_beer(v: u32) -> bool {
-    let cells = volumes[v].cells;
+fn step_beer() -> bool {
+    let cells = here.cells;
     var greatest = 1.0;
-    if (volumes[v].format != FORMAT_SOLID) {
+    if (here.format != FORMAT_SOLID) {
         let inside = clamp(cell, vec3i(0), cells - 1);
-        greatest = density_of(cell_max[volumes[v].first_cell + u32((inside.z * cells.y + inside.y) * cells.x + inside.x)], windows[v]);
+        greatest = density_of(cell_max[here.first_cell + u32((inside.z * cells.y + inside.y) * cells.x + inside.x)], here_window);
     }
-    let majorant = volumes[v].track * greatest;
+    let majorant = here.track * greatest;
     let t_cell = min(t_next.x, min(t_next.y, t_next.z));
     let length = max(min(t_cell, t_out) - t, 0.0);
     if (depth >= majorant * length) {
@@ -240,23 +247,23 @@ fn step_beer(v: u32) -> bool {
     // Trilinear interpolation is the mean over a jitter of half a voxel each way: one lookup a collision draws the
     // same lot as eight. Lookups stay where the majorant holds.
     let word = draw_u32();
-    let reach_v = volumes[v].reach;
+    let reach_v = here.reach;
     var p = start + ray_v * t;
     if (reach_v > 0) {
         let jitter = draw_u32();
         p += vec3f(vec3u(jitter & 0x7ffu, (jitter >> 11u) & 0x7ffu, (jitter >> 22u) << 1u)) / 2048.0 - vec3f(2047.0, 2047.0, 2046.0) / 4096.0;
     }
     let lo = max(cell * CELL - reach_v, vec3i(0));
-    let hi = min(cell * CELL + (CELL - 1) + reach_v, volumes[v].size - 1);
-    let density = density_at(v, clamp(vec3i(floor(p)), lo, hi));
+    let hi = min(cell * CELL + (CELL - 1) + reach_v, here.size - 1);
+    let density = density_at(clamp(vec3i(floor(p)), lo, hi));
     if (to_light) {
-        transmittance *= max(1.0 - volumes[v].sigma_t * density / majorant, 0.0);
+        transmittance *= max(1.0 - here.sigma_t * density / majorant, 0.0);
         return fade();
     }
     if (EMISSION) {
-        path.radiance += path.throughput * volumes[v].emission * (density / majorant);
+        path.radiance += path.throughput * here.emission * (density / majorant);
     }
-    if (unit_f32(word) * majorant < volumes[v].sigma_t * density) {
+    if (unit_f32(word) * majorant < here.sigma_t * density) {
         reach = t;
         hit = volume;
         return false;
@@ -265,11 +272,11 @@ fn step_beer(v: u32) -> bool {
 }
 
 /// Enters one voxel by the threshold law; false when the flight through this volume has ended.
-fn step_threshold(v: u32) -> bool {
-    let density = density_at(v, clamp(cell, vec3i(0), volumes[v].size - 1));
+fn step_threshold() -> bool {
+    let density = density_at(clamp(cell, vec3i(0), here.size - 1));
     let t_cell = min(t_next.x, min(t_next.y, t_next.z));
     let length = max(min(t_cell, t_out) - t, 0.0);
-    let p = select(min(volumes[v].voxel_probability * density, 1.0), 0.0, skip);
+    let p = select(min(here.voxel_probability * density, 1.0), 0.0, skip);
     skip = false;
     if (to_light) {
         transmittance *= 1.0 - p;
@@ -281,7 +288,7 @@ fn step_threshold(v: u32) -> bool {
         flown = length * draw();
     }
     if (EMISSION) {
-        path.radiance += path.throughput * volumes[v].emission * (density * flown);
+        path.radiance += path.throughput * here.emission * (density * flown);
     }
     if (scatters) {
         t += flown;
@@ -302,13 +309,12 @@ fn fade() -> bool {
 
 /// Walks on by one cell; false when the flight through this volume has ended.
 fn step() -> bool {
-    let v = index_of(volume);
     if (THRESHOLD) {
-        if (volumes[v].law == LAW_THRESHOLD) {
-            return step_threshold(v);
+        if (here.law == LAW_THRESHOLD) {
+            return step_threshold();
         }
     }
-    return step_beer(v);
+    return step_beer();
 }
 
 /// Begins a flight at the first volume that the ray meets; false where there is none.
@@ -353,8 +359,8 @@ fn look_to_light() -> bool {
         ray = way / reach;
         arriving = lamp.intensity / (reach * reach);
     }
-    let v = index_of(hit);
-    arriving *= f32(lights) * phase_eval(volumes[v].phase, volumes[v].phase_shape, dot(path.direction, ray));
+    load_volume(hit);
+    arriving *= f32(lights) * phase_eval(here.phase, here.phase_shape, dot(path.direction, ray));
     transmittance = 1.0;
     to_light = true;
     flying = take_off(0u);
@@ -363,18 +369,18 @@ fn look_to_light() -> bool {
 
 /// Scatters at the collision found: the path loses what is absorbed.
 fn scatter() {
-    let v = index_of(hit);
+    load_volume(hit);
     path.origin += path.direction * reach;
-    path.throughput *= volumes[v].albedo;
+    path.throughput *= here.albedo;
     path.scattered_in = hit;
     path.bounces++;
     path.alpha = 1.0;
     if (THRESHOLD) {
-        if (volumes[v].law == LAW_THRESHOLD && volumes[v].scatter_loss > 0.0) {
+        if (here.law == LAW_THRESHOLD && here.scatter_loss > 0.0) {
             let p = path.origin;
-            let q = vec3f(dot(volumes[v].voxel_from_world_x, vec4f(p, 1.0)), dot(volumes[v].voxel_from_world_y, vec4f(p, 1.0)), dot(volumes[v].voxel_from_world_z, vec4f(p, 1.0)));
-            let density = density_at(v, clamp(vec3i(floor(q)), vec3i(0), volumes[v].size - 1));
-            path.throughput *= 1.0 - volumes[v].scatter_loss * min(density, 1.0);
+            let q = vec3f(dot(here.voxel_from_world_x, vec4f(p, 1.0)), dot(here.voxel_from_world_y, vec4f(p, 1.0)), dot(here.voxel_from_world_z, vec4f(p, 1.0)));
+            let density = density_at(clamp(vec3i(floor(q)), vec3i(0), here.size - 1));
+            path.throughput *= 1.0 - here.scatter_loss * min(density, 1.0);
         }
     }
 }
@@ -392,8 +398,8 @@ fn turn() -> bool {
         }
         path.throughput /= survival;
     }
-    let v = index_of(hit);
-    path.direction = phase_sample(volumes[v].phase, volumes[v].phase_shape, path.direction, vec2f(draw(), draw()));
+    load_volume(hit);
+    path.direction = phase_sample(here.phase, here.phase_shape, path.direction, vec2f(draw(), draw()));
     return true;
 }
 
@@ -495,6 +501,10 @@ fn main(@builtin(workgroup_id) group_id: vec3u, @builtin(num_workgroups) groups:
     } else {
         path.block = first;
         path.alive = 0u;
+    }
+    if (SINGLE) {
+        here = volumes[0];
+        here_window = windows[0];
     }
     take_pixel(lane);
     if (path.alive == 1u) {

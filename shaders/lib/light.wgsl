@@ -25,5 +25,6 @@ struct Light {
 /// Radiance of the sky that arrives from where `direction` points: linear in its height.
 fn sky(direction: vec3f) -> vec3f {
     let end = select(light.ground, light.zenith, direction.y > 0.0);
-    return mix(light.horizon, end, abs(direction.y));
+    // Not `mix`: a sky of one colour must give exactly that colour, whatever the direction.
+    return light.horizon + (end - light.horizon) * abs(direction.y);
 }

@@ -142,7 +142,11 @@ impl Majorants {
             Some((Some([a, b]), _)) => self.gpu.queue().write_buffer(&self.windows, at, bytemuck::bytes_of(&[a, 1.0 / (b - a)])),
             Some((None, grid)) => {
                 let AutoWindow::Mean(multiple) = grid.auto else { return };
-                #[expect(clippy::cast_precision_loss, clippy::cast_possible_truncation, reason = "a count to 24 bits is enough for a mean")]
+                #[expect(
+                    clippy::cast_precision_loss,
+                    clippy::cast_possible_truncation,
+                    reason = "a count to 24 bits is enough for a mean"
+                )]
                 let job = WindowJob {
                     first_cell: placed.first_cell,
                     cells: voxels(cells(grid.size)) as u32,
@@ -151,8 +155,9 @@ impl Majorants {
                     volume: index as u32,
                 };
                 let job = self.gpu.uniform("window", &job);
-                let bound =
-                    self.window_kernel.bind(&self.gpu, &[("job", &job), ("cell_sum", &self.cell_sum), ("windows", &self.windows)]);
+                let bound = self
+                    .window_kernel
+                    .bind(&self.gpu, &[("job", &job), ("cell_sum", &self.cell_sum), ("windows", &self.windows)]);
                 self.window_kernel.dispatch(encoder, &bound, [1, 1, 1]);
             }
         }

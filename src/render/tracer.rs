@@ -221,7 +221,8 @@ impl Tracer {
     pub fn error(&mut self, film: &Film) -> Result<Vec<[f32; 4]>, GpuError> {
         let error = |pixel: &FilmPixel| {
             let n = (pixel.counts & COUNT_MASK) as f32;
-            let [r, g, b] = pixel.spread.map(|spread| if n < 2.0 { f32::INFINITY } else { (spread.max(0.0) / (n * (n - 1.0))).sqrt() });
+            let [r, g, b] =
+                pixel.spread.map(|spread| if n < 2.0 { f32::INFINITY } else { (spread.max(0.0) / (n * (n - 1.0))).sqrt() });
             [r, g, b, 1.0]
         };
         Ok(self.download(film)?.iter().map(error).collect())
