@@ -1,4 +1,10 @@
 //! The tracer: plans dispatches of bounded length, and develops what they gathered.
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_precision_loss,
+    clippy::cast_sign_loss,
+    reason = "counts become paces and back; each is clamped to a small range"
+)]
 
 use std::collections::HashMap;
 use std::time::Instant;
