@@ -289,7 +289,7 @@ fn plan(film: &Film) -> Batch {
 fn stride(count: u32) -> u32 {
     // Block times stride must not pass 32 bits in the kernel.
     let golden = ((f64::from(count) * 0.618_034) as u32).min(u32::MAX / count.max(1) / 2);
-    (golden.max(1)..).find(|step| gcd(*step, count) == 1).unwrap_or(1)
+    (1..=golden.max(1)).rev().find(|step| gcd(*step, count) == 1).unwrap_or(1)
 }
 
 fn gcd(a: u32, b: u32) -> u32 {

@@ -1,5 +1,6 @@
 //! The volume contract: what every source yields, and all that the tracer knows of it.
 
+pub mod cloud;
 mod field;
 
 pub use field::{Field, Samples};
