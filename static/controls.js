@@ -172,7 +172,9 @@ function optionalField(schema, constant, other, place, context) {
   // The row's label belongs to the switch.
   for (const element of inner.elements) if (!element.hasAttribute("aria-label")) element.setAttribute("aria-label", label);
   const box = h("input", { type: "checkbox", "aria-describedby": place.describedby });
-  const word = h("span", { class: "rest" }, typeof rest === "string" ? readable(rest) : "Off");
+  // Descriptions say what null stands for: "null: never."
+  const meaning = /null: ([^.;]+)/.exec(schema.description ?? "")?.[1] ?? "off";
+  const word = h("span", { class: "rest" }, readable(typeof rest === "string" ? rest : meaning));
   box.addEventListener("change", () => steady.commit(box.checked ? context.suggest(steady.path, schema) : rest));
   return {
     elements: [box, word, ...inner.elements],

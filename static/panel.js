@@ -83,7 +83,9 @@ export class Panel {
     /** @type {{key: string, control: Control, leaf: boolean, relevant: ((parent: any) => boolean) | undefined}[]} */
     const children = [];
     const entries = Object.entries(schema.properties ?? {});
-    for (const [key, child] of [...entries.filter(([name]) => !CLOSED.has(name)), ...entries.filter(([name]) => CLOSED.has(name))]) {
+    /** @param {[string, Schema]} entry */
+    const last = ([key, child]) => CLOSED.has(key) && !isLeaf(child);
+    for (const [key, child] of [...entries.filter((entry) => !last(entry)), ...entries.filter(last)]) {
       if ("const" in child) continue;
       const leaf = isLeaf(child);
       const title = key === "type" && framed ? label : (child.title ?? readable(key));
@@ -155,7 +157,7 @@ export class Panel {
       const control = this.#build({ schema: entries, path: [...path, name], label: name, tab, framed: editable }, want);
       if (!control || !headed) return control;
       const remove = iconButton("close", `Remove ${name}`, () => this.context.edit([...path, name], null));
-      const head = h("div", { class: "entry" }, h("h4", {}, name), ...(tab === want ? [remove] : []));
+      const head = h("div", { class: "entry" }, h("h3", {}, name), ...(tab === want ? [remove] : []));
       return { ...control, element: h("div", { class: "inner" }, head, control.element) };
     };
     /** @param {Json} value */
@@ -207,7 +209,7 @@ function groupsLeft() {
 function frame(title, path, elements) {
   const key = path.at(-1) ?? "";
   const open = groupsLeft()[key] ?? !CLOSED.has(key);
-  const details = h("details", { class: "group", open }, h("summary", {}, h("h3", {}, title)), h("div", { class: "rows" }, ...elements));
+  const details = h("details", { class: "group", open }, h("summary", {}, h("h2", {}, title)), h("div", { class: "rows" }, ...elements));
   details.addEventListener("toggle", () => {
     try {
       localStorage.setItem(KEY, JSON.stringify({ ...groupsLeft(), [key]: details.open }));

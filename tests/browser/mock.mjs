@@ -61,7 +61,7 @@ function fault(schema, value, path = []) {
 }
 
 /** Starts a mock server; resolves to its address. */
-export async function mock({ port = 0, token = "", schema = readSchema() } = {}) {
+export async function mock({ port = 0, token = "", base = "/", detail = 1, schema = readSchema() } = {}) {
   let scene = complete(schema, preset("tendrils"));
   let rev = 1;
   let steps = 0;
@@ -104,7 +104,7 @@ export async function mock({ port = 0, token = "", schema = readSchema() } = {})
 
   const server = createServer(async (request, response) => {
     const url = new URL(request.url ?? "/", "http://mock");
-    const path = url.pathname.slice(1);
+    const path = url.pathname.startsWith(base) ? url.pathname.slice(base.length) : "elsewhere";
     const json = (status, body) => {
       response.writeHead(status, { "content-type": status < 400 ? "application/json" : "application/problem+json" });
       response.end(JSON.stringify(body));
@@ -133,7 +133,8 @@ export async function mock({ port = 0, token = "", schema = readSchema() } = {})
       if (thumb) {
         if (thumb[1] === "storm" || !LOOKS[thumb[1]]) throw new Error("no such thumbnail");
         response.writeHead(200, { "content-type": "image/jpeg", "cache-control": "max-age=600" });
-        return response.end(jpg(picture(complete(schema, preset(thumb[1])), 240, 150, 400, thumb[1].length * 40), 240, 150));
+        const [w, h] = detail < 1 ? [48, 30] : [240, 150];
+        return response.end(jpg(picture(complete(schema, preset(thumb[1])), w, h, 400, thumb[1].length * 40), w, h));
       }
       const file = normalize(join(ROOT, "static", path || "index.html"));
       const body = readFileSync(file);
@@ -147,7 +148,7 @@ export async function mock({ port = 0, token = "", schema = readSchema() } = {})
   const sockets = new WebSocketServer({ noServer: true, handleProtocols: () => "tyndall.v1" });
   server.on("upgrade", (request, socket, head) => {
     const url = new URL(request.url ?? "/", "http://mock");
-    const status = token && url.searchParams.get("token") !== token ? 401 : url.pathname === "/api/v1/sessions/main/ws" ? 0 : 404;
+    const status = token && url.searchParams.get("token") !== token ? 401 : url.pathname === `${base}api/v1/sessions/main/ws` ? 0 : 404;
     if (status) return socket.end(`HTTP/1.1 ${status} Refused\r\nConnection: close\r\n\r\n`);
     return sockets.handleUpgrade(request, socket, head, (ws) => join_(ws));
   });
@@ -197,7 +198,7 @@ export async function mock({ port = 0, token = "", schema = readSchema() } = {})
       if (client.frame - client.acked >= 2) continue;
       const mark = `${rev}/${steps}/${spp}/${client.size}`;
       if (client.final === mark || (client.shown === mark && !done)) continue;
-      const share = Math.min(1, Math.sqrt((moving ? 40_000 : 120_000) / (client.size[0] * client.size[1])));
+      const share = Math.min(1, Math.sqrt((detail * (moving ? 40_000 : 120_000)) / (client.size[0] * client.size[1])));
       const [w, h] = client.size.map((edge) => Math.max(16, Math.round(edge * share)));
       const began = performance.now();
       const pixels = picture(scene, w, h, spp, steps);
@@ -225,7 +226,21 @@ export async function mock({ port = 0, token = "", schema = readSchema() } = {})
   await new Promise((resolve) => { server.listen(port, "127.0.0.1", () => resolve(undefined)); });
   const address = /** @type {import("node:net").AddressInfo} */ (server.address());
   return {
-    url: `http://127.0.0.1:${address.port}/`,
+    url: `http://127.0.0.1:${address.port}${base}`,
+    port: address.port,
+    /** Sends every client something that is no picture, as the next frame. */
+    spoil() {
+      for (const client of clients) {
+        const head = Buffer.alloc(60, 0xee);
+        head.set([1, 1, 0, 0]);
+        client.frame += 1;
+        head.writeUInt32LE(client.frame, 8);
+        client.socket.send(head);
+        client.socket.send(Buffer.from("short"));
+      }
+    },
+    /** Frames sent and acknowledged, of each client. */
+    credit: () => [...clients].map(({ frame, acked }) => ({ frame, acked })),
     close() {
       clearInterval(timer);
       clearInterval(stats);
