@@ -6,6 +6,7 @@ pub mod gpu;
 pub mod import;
 pub mod render;
 pub mod scene;
+pub mod server;
 pub mod sim;
 pub mod stream;
 pub mod volume;

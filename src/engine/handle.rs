@@ -104,7 +104,7 @@ pub enum Event {
 }
 
 /// How a session fares.
-#[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize, utoipa::ToSchema)]
 pub struct Stats {
     /// Pictures made in the last second.
     pub fps: f32,
@@ -125,7 +125,7 @@ pub struct Stats {
 }
 
 /// A line of the list of sessions.
-#[derive(Debug, Clone, serde::Serialize)]
+#[derive(Debug, Clone, serde::Serialize, utoipa::ToSchema)]
 pub struct SessionInfo {
     /// Name of the session.
     pub id: String,
@@ -216,6 +216,11 @@ impl Engine {
     /// The GPU in use, for its name and limits.
     pub fn gpu(&self) -> &Gpu {
         &self.gpu
+    }
+
+    /// Whether the engine thread takes commands.
+    pub fn is_running(&self) -> bool {
+        !self.commands.is_closed()
     }
 
     /// Starts a session; without a name it gets one that cannot be guessed.

@@ -46,10 +46,15 @@ mod tests {
         assert_eq!([credit.take(), credit.take(), credit.take()], [Some(1), Some(2), None]);
     }
 
+    fn full() -> Credit {
+        let mut credit = Credit::default();
+        while credit.take().is_some() {}
+        credit
+    }
+
     #[test]
     fn each_acknowledgement_frees_one_place_once() {
-        let mut credit = Credit::default();
-        (credit.take(), credit.take());
+        let mut credit = full();
         assert!(credit.acknowledge(2));
         assert!(!credit.acknowledge(2), "a repeated acknowledgement must free nothing");
         assert_eq!([credit.take(), credit.take()], [Some(3), None]);
@@ -57,8 +62,7 @@ mod tests {
 
     #[test]
     fn frames_that_were_never_sent_cannot_be_acknowledged() {
-        let mut credit = Credit::default();
-        (credit.take(), credit.take());
+        let mut credit = full();
         assert!(!credit.acknowledge(0) && !credit.acknowledge(3) && !credit.acknowledge(u32::MAX));
         assert!(!credit.is_open());
     }

@@ -1,0 +1,172 @@
+//! Reads a client's messages and does what they say.
+
+use std::sync::atomic::Ordering;
+use std::time::Instant;
+
+use axum::extract::ws::{Message as Frame, WebSocket, close_code};
+use futures_util::StreamExt;
+use futures_util::stream::SplitStream;
+use tokio::sync::mpsc;
+
+use super::message::Message;
+use super::{Client, End, MAX_MESSAGE, refused, reply};
+use crate::scene::Refusal;
+use crate::server::metrics::CodeLabel;
+use crate::server::rooms::Role;
+use crate::server::sources;
+
+/// How many refused messages are answered: 20 at once, then 10 a second. What a client sends wrongly in a loop must not
+/// become a stream of answers.
+pub(super) struct Patience {
+    left: f32,
+    at: Instant,
+}
+
+impl Patience {
+    const MOST: f32 = 20.0;
+    const A_SECOND: f32 = 10.0;
+
+    /// Whether one more may be answered now.
+    pub(super) fn allows(&mut self) -> bool {
+        let now = Instant::now();
+        self.left = (self.left + now.duration_since(self.at).as_secs_f32() * Self::A_SECOND).min(Self::MOST);
+        self.at = now;
+        let allowed = self.left >= 1.0;
+        if allowed {
+            self.left -= 1.0;
+        }
+        allowed
+    }
+}
+
+impl Default for Patience {
+    fn default() -> Self {
+        Self { left: Self::MOST, at: Instant::now() }
+    }
+}
+
+/// What came out of a socket: a message, its refusal, nothing that matters, or the end.
+pub(super) fn understand(received: Option<Result<Frame, axum::Error>>) -> Result<Option<Result<Message, Refusal>>, End> {
+    let too_long = End::Close(close_code::SIZE, "a message may have 65536 bytes");
+    match received {
+        Some(Ok(Frame::Text(text))) if text.len() <= MAX_MESSAGE => Ok(Some(Message::parse(text.as_str()))),
+        Some(Ok(Frame::Binary(bytes))) if bytes.len() <= MAX_MESSAGE => {
+            Ok(Some(Err(refused("not_text", "messages are JSON text; this one is binary"))))
+        }
+        Some(Ok(Frame::Text(_) | Frame::Binary(_))) => Err(too_long),
+        Some(Ok(Frame::Ping(_) | Frame::Pong(_))) => Ok(None),
+        Some(Ok(Frame::Close(_))) | None => Err(End::Left),
+        Some(Err(error)) => Err(broken(&error)),
+    }
+}
+
+/// The close for what is no WebSocket message. The library's error has no public type here, only its words.
+fn broken(error: &axum::Error) -> End {
+    let words = error.to_string();
+    tracing::debug!(words, "a socket broke");
+    if words.contains("too long") {
+        End::Close(close_code::SIZE, "a message may have 65536 bytes")
+    } else if words.contains("UTF-8") {
+        End::Close(close_code::INVALID, "a text is not UTF-8")
+    } else if words.contains("protocol") {
+        End::Close(close_code::PROTOCOL, "this is not the WebSocket protocol")
+    } else {
+        End::Left
+    }
+}
+
+/// Reads until the connection ends. While a reply finds no place or the engine is busy nothing more is read, so that a
+/// client that sends faster than it is served waits at its own end.
+pub(super) async fn read(client: &Client, mut source: SplitStream<&mut WebSocket>, replies: mpsc::Sender<String>) -> End {
+    let mut patience = Patience::default();
+    loop {
+        let message = match understand(source.next().await) {
+            Ok(message) => message,
+            Err(end) => return end,
+        };
+        client.hear();
+        let done = match message {
+            None => Ok(()),
+            Some(Ok(message)) => obey(client, message).await,
+            Some(Err(refusal)) => Err(refusal),
+        };
+        if let Err(refusal) = done {
+            client.app.metrics.refused.get_or_create(&CodeLabel { code: refusal.code }).inc();
+            if patience.allows() && replies.send(reply::error(&refusal)).await.is_err() {
+                return End::Left;
+            }
+        }
+    }
+}
+
+async fn obey(client: &Client, message: Message) -> Result<(), Refusal> {
+    let may_change = || client.seat.may_change().map_err(|(code, text)| refused(code, text));
+    match message {
+        Message::Hello(_) => Err(refused("hello_again", "there was a hello already")),
+        Message::Ack { frame } => {
+            if client.credit().acknowledge(frame) {
+                client.wake.notify_one();
+            }
+            Ok(())
+        }
+        Message::Keyframe => {
+            client.resend.store(true, Ordering::Relaxed);
+            client.wake.notify_one();
+            Ok(())
+        }
+        Message::Resize(size) => {
+            if !client.seat.may_resize() {
+                return Err(refused("view_only", "a viewer's size counts only while nobody controls"));
+            }
+            client.session.resize(client.id, size).await;
+            Ok(())
+        }
+        Message::Camera { seq, keys } => {
+            may_change()?;
+            client.session.move_camera(client.id, seq, keys)
+        }
+        Message::Patch { patch, gesture, commit } => {
+            may_change()?;
+            let current = client.session.scene().borrow().document.clone();
+            sources::check(&patch, Some(&current), client.app.config.data.as_deref())?;
+            client.session.patch(client.id, patch, gesture, commit, None).await.map_err(reply::refusal)?;
+            Ok(())
+        }
+        Message::Control(command) => {
+            may_change()?;
+            client.session.control(client.id, command).await.map_err(reply::refusal)
+        }
+        Message::Take => {
+            // Who controls can take over from a holder that does not let go.
+            if client.hello.role == Role::View {
+                return may_change();
+            }
+            client.seat.take();
+            Ok(())
+        }
+        Message::Release => {
+            client.seat.release();
+            Ok(())
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn wrong_messages_in_a_loop_are_not_all_answered() {
+        let mut patience = Patience::default();
+        let answered = (0..10_000).filter(|_| patience.allows()).count();
+        assert!((20..1000).contains(&answered), "{answered}");
+    }
+
+    #[test]
+    fn a_message_of_the_limit_is_read_and_one_byte_more_closes_with_1009() {
+        let text = |length: usize| Some(Ok(Frame::text("x".repeat(length))));
+        assert!(matches!(understand(text(MAX_MESSAGE)), Ok(Some(Err(refusal))) if refusal.code == "bad_json"));
+        assert!(matches!(understand(text(MAX_MESSAGE + 1)), Err(End::Close(1009, _))));
+        assert!(matches!(understand(Some(Ok(Frame::binary(vec![0; MAX_MESSAGE + 1])))), Err(End::Close(1009, _))));
+    }
+}
