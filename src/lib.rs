@@ -10,3 +10,4 @@ pub mod server;
 pub mod sim;
 pub mod stream;
 pub mod volume;
+pub mod world;
