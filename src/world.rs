@@ -170,6 +170,15 @@ impl World {
         matches!(self.bodies.get(volume), Some(Body { matter: Matter::Living(_), .. }))
     }
 
+    /// Names of a volume's fields, the one that is shown first; none where the volume has no grid.
+    pub fn fields(&self, volume: &str) -> Vec<&str> {
+        match self.bodies.get(volume).map(|body| &body.matter) {
+            Some(Matter::Living(simulation)) => simulation.fields().to_vec(),
+            Some(Matter::Still(still)) => vec![&still.name],
+            _ => Vec::new(),
+        }
+    }
+
     /// Reads a volume's field back; `None` where there is no such volume or field. A still grid's field is `density`,
     /// or what its file calls it.
     ///

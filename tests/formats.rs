@@ -1,4 +1,5 @@
 //! Files: what others wrote is read, what we write is read back, and what is broken is refused in words.
+#![expect(clippy::unwrap_used, reason = "a test that panics has failed")]
 
 use std::io::Write;
 use std::path::{Path, PathBuf};

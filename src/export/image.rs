@@ -1,9 +1,12 @@
-//! Pictures: PNG as shown, EXR as linear radiance. Both tell what they were made of.
+//! Pictures: PNG and JPEG as shown, EXR as linear radiance. PNG and EXR tell what they were made of.
 
 use std::io::Cursor;
 
 use exr::prelude::{AttributeValue, Encoding, Image, Layer, LayerAttributes, SpecificChannels, Text, Vec2, WritableImage as _};
 use serde_json::{Value, json};
+
+/// Quality of a JPEG, of 100.
+const JPEG_QUALITY: u8 = 85;
 
 /// What a picture was made of; it goes into the file.
 #[derive(Debug, Clone, Copy)]
@@ -51,6 +54,20 @@ pub fn write_png(size: [u32; 2], rgba: &[u8], about: &Provenance<'_>) -> Result<
         .and_then(|()| encoder.write_header())
         .and_then(|mut writer| writer.write_image_data(rgba).and_then(|()| writer.finish()));
     written.map_err(|error| ImageError(size[0], size[1], error.to_string()))?;
+    Ok(out)
+}
+
+/// An RGBA picture of 8 bits in sRGB, row 0 on top, as a JPEG without its alpha: small, for pages and thumbnails.
+///
+/// # Errors
+/// An [`ImageError`] where there are no pixels, not as many as the size says, or an edge is above 65535.
+pub fn write_jpg(size: [u32; 2], rgba: &[u8]) -> Result<Vec<u8>, ImageError> {
+    let fault = |reason: String| ImageError(size[0], size[1], reason);
+    let [width, height] = size.map(u16::try_from);
+    let (Ok(width), Ok(height)) = (width, height) else { return Err(fault("an edge is above 65535".to_owned())) };
+    let mut out = Vec::new();
+    let encoder = jpeg_encoder::Encoder::new(&mut out, JPEG_QUALITY);
+    encoder.encode(rgba, width, height, jpeg_encoder::ColorType::Rgba).map_err(|error| fault(error.to_string()))?;
     Ok(out)
 }
 

@@ -1,4 +1,4 @@
-//! Files that Tyndall writes: fields as NRRD and NPY, pictures as PNG and EXR.
+//! Files that Tyndall writes: fields as NRRD and NPY, pictures as PNG, JPEG and EXR.
 
 mod file;
 mod image;
@@ -6,7 +6,7 @@ mod npy;
 mod nrrd;
 
 pub use file::write_file;
-pub use image::{Provenance, write_exr, write_png};
+pub use image::{ImageError, Provenance, write_exr, write_jpg, write_png};
 pub use npy::write_npy;
 pub use nrrd::write_nrrd;
 

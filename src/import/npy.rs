@@ -10,7 +10,7 @@ use crate::volume::Field;
 /// The first bytes of every NPY file.
 pub(super) const MAGIC: &[u8] = b"\x93NUMPY";
 
-/// Longest header read, in bytes. NumPy writes 118 for three axes.
+/// Longest header read, in bytes. `numpy` writes 118 for three axes.
 const MAX_HEADER: u32 = 1 << 16;
 
 /// What a header says.
@@ -150,7 +150,7 @@ impl<'a> Scanner<'a> {
         })
     }
 
-    /// A tuple of at most 32 whole numbers, as many axes as NumPy allows.
+    /// A tuple of at most 32 whole numbers, as many axes as `numpy` allows.
     fn tuple(&mut self) -> Option<Vec<u64>> {
         let mut numbers = Vec::new();
         if !self.eat('(') {

@@ -1,0 +1,145 @@
+//! `tyndall simulate`: steps a scene's simulations and writes a field.
+
+use std::path::{Path, PathBuf};
+
+use tyndall::gpu::{AdapterChoice, Gpu, GpuError};
+use tyndall::world::{World, WorldError};
+
+use super::convert::FieldFormat;
+use super::failure::Failure;
+use super::output::Output;
+use super::progress::{Progress, Style};
+use super::scene::{Chosen, lives};
+
+/// Steps submitted before they are waited for.
+const STEPS_IN_FLIGHT: u32 = 8;
+
+/// Run a scene's simulation and write its state.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// A preset's name, or a scene file.
+    scene: String,
+    /// Where to write: .nrrd or .npy, indexed [z][y][x]; with --every, %04d in the name is the step.
+    #[arg(short, long, value_name = "OUT")]
+    output: PathBuf,
+    /// Steps to take; by default those at which the scene is at its best.
+    #[arg(long, conflicts_with = "time")]
+    steps: Option<u32>,
+    /// Time to simulate, in seconds of the simulation.
+    #[arg(long)]
+    time: Option<f64>,
+    /// Write after every K steps, in place of once at the end.
+    #[arg(long, value_name = "K", value_parser = clap::value_parser!(u32).range(1..))]
+    every: Option<u32>,
+    /// The volume to write, where the scene has several.
+    #[arg(long, value_name = "NAME")]
+    volume: Option<String>,
+    /// The field to write; by default the one that is shown.
+    #[arg(long, value_name = "NAME")]
+    field: Option<String>,
+    /// Seed of every simulation, in place of the scene's.
+    #[arg(long)]
+    seed: Option<u32>,
+    /// auto, gpu, cpu, or a part of an adapter's name.
+    #[arg(long, default_value = "auto")]
+    adapter: AdapterChoice,
+    /// What to tell on stderr: by default a bar on a terminal, and nothing on a pipe.
+    #[arg(long)]
+    progress: Option<Style>,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    let format = format(&args.output)?;
+    let output = Output::new(&args.output)?;
+    if args.every.is_some() != output.is_sequence() {
+        return Err(Failure::usage("--every and a name with %04d need each other: out_%04d.nrrd"));
+    }
+    if args.time.is_some() {
+        return Err(Failure::usage("--time: a physarum counts steps and knows no seconds; use --steps"));
+    }
+    let chosen = Chosen::read(&args.scene, args.seed)?;
+    let volume = volume(args, &chosen)?;
+    let chosen = chosen.read_fields()?;
+    let steps = chosen.steps(args.steps);
+    let gpu = Gpu::open(&args.adapter)?;
+    let mut world = grow(&gpu, &chosen)?;
+    let write = |world: &mut World| {
+        let fields = world.fields(&volume).join(", ");
+        let Some(name) = args.field.clone().or_else(|| world.fields(&volume).first().map(|name| (*name).to_owned())) else {
+            return Err(Failure::input(Path::new(&args.scene), &format!("volumes.{volume}"), "it has no field to write"));
+        };
+        let Some(field) = world.read(&volume, &name)? else {
+            return Err(Failure::usage(format!("--field: the volume `{volume}` has no field `{name}`, but {fields}")));
+        };
+        output.write(world.steps(), &format.write(&field))
+    };
+    let mut progress = Progress::new(args.progress, "simulate", steps.into());
+    match args.every {
+        None => {
+            advance(&gpu, &mut world, steps, &mut progress)?;
+            write(&mut world)?;
+        }
+        Some(every) => {
+            for _ in 0..steps / every {
+                advance(&gpu, &mut world, every, &mut progress)?;
+                write(&mut world)?;
+            }
+        }
+    }
+    drop(progress);
+    match world.saturated()? {
+        0 => Ok(()),
+        held => Err(Failure::limit(format!("{held} sums reached 2^32-1 and were held there; lower `deposit` or `decay`"))),
+    }
+}
+
+/// The volume that was named, or the only one that there can be talk of.
+fn volume(args: &Args, chosen: &Chosen) -> Result<String, Failure> {
+    let volumes = &chosen.scene.volumes;
+    let names = || volumes.keys().map(String::as_str).collect::<Vec<_>>().join(", ");
+    if let Some(name) = &args.volume {
+        if !volumes.contains_key(name) {
+            return Err(Failure::usage(format!("--volume: the scene has no volume `{name}`, but {}", names())));
+        }
+        return Ok(name.clone());
+    }
+    let mut living = volumes.iter().filter(|(_, volume)| lives(volume)).map(|(name, _)| name);
+    match (living.next(), living.next(), volumes.len()) {
+        (Some(only), None, _) => Ok(only.clone()),
+        (None, _, 1) => Ok(names()),
+        (None, _, 0) => Err(Failure::input(Path::new(&args.scene), "volumes", "there are none")),
+        _ => Err(Failure::usage(format!("--volume: choose one of {}", names()))),
+    }
+}
+
+fn format(output: &Path) -> Result<FieldFormat, Failure> {
+    let extension = output.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_lowercase();
+    FieldFormat::of(output).ok_or_else(|| match extension.as_str() {
+        "npz" | "csv" | "ply" | "vtk" => {
+            Failure::usage(format!("{}: particles are not written yet; .nrrd and .npy hold the field", output.display()))
+        }
+        _ => Failure::usage(format!("{}: fields are written as .nrrd and .npy", output.display())),
+    })
+}
+
+/// Grows and reads what stands in the scene.
+pub(crate) fn grow(gpu: &Gpu, chosen: &Chosen) -> Result<World, Failure> {
+    World::new(gpu, &chosen.scene, &|file| chosen.take(file)).map_err(|error| match error {
+        WorldError::Refused(refusal) => chosen.refuse(&refusal),
+        WorldError::Gpu(error) => error.into(),
+    })
+}
+
+/// Takes steps, and waits until they are taken.
+pub(crate) fn advance(gpu: &Gpu, world: &mut World, steps: u32, progress: &mut Progress) -> Result<(), GpuError> {
+    let first = world.steps();
+    for done in 1..=steps {
+        world.step()?;
+        if done % STEPS_IN_FLIGHT == 0 || done == steps {
+            gpu.finish(gpu.encoder("steps"))?;
+            progress.at((first + done).into());
+        }
+    }
+    Ok(())
+}
