@@ -14,7 +14,7 @@ struct Job {
     classes: u32,
 }
 
-@group(0) @binding(0) var<uniform> job: Job;
+@group(0) @binding(0) var<storage, read> job: Job;
 /// Density, x fastest.
 @group(0) @binding(1) var<storage, read_write> density: array<f32>;
 
