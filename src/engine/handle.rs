@@ -164,13 +164,25 @@ pub struct Still {
 /// A field as it was at a step.
 pub type Exported = Field;
 
-type Reply<T> = oneshot::Sender<Result<T, EngineError>>;
+pub(super) type Reply<T> = oneshot::Sender<Result<T, EngineError>>;
 
 /// What the engine thread is asked to do.
 pub(super) enum Command {
-    Create { id: Option<String>, scene: Box<Scene>, reply: Reply<Session> },
-    Remove { id: String, reply: Reply<()> },
-    Session { id: String, order: Order },
+    Create {
+        id: Option<String>,
+        scene: Box<Scene>,
+        reply: Reply<Session>,
+    },
+    Remove {
+        id: String,
+        reply: Reply<()>,
+    },
+    Session {
+        id: String,
+        order: Order,
+    },
+    /// A camera message waits in a slot.
+    Wake,
     Stop,
 }
 
@@ -179,6 +191,7 @@ pub(super) enum Order {
     Patch { patch: Value, gesture: Option<String>, commit: bool, if_match: Option<u32>, by: ClientId, reply: Reply<Arc<Change>> },
     Put { document: Value, if_match: Option<u32>, by: ClientId, reply: Reply<Arc<Change>> },
     Control { control: Control, by: ClientId, reply: Reply<()> },
+    Attach { by: ClientId },
     Resize { size: [u32; 2], by: ClientId },
     Detach { by: ClientId },
     Still { request: StillRequest, reply: Reply<Still> },
@@ -192,12 +205,31 @@ pub(super) struct CameraSlot {
     pub(super) seen: Vec<(ClientId, u32)>,
 }
 
-/// The way to the engine thread. Cloning is cheap.
+/// How the engine thread came to its end.
+#[derive(Debug, Clone)]
+pub(super) enum Ending {
+    Stopped,
+    Failed(GpuError),
+}
+
+/// Ends the engine thread when the last [`Engine`] is dropped.
+pub(super) struct Life(pub(super) mpsc::Sender<Command>);
+
+impl Drop for Life {
+    fn drop(&mut self) {
+        // Where the channel is full the thread is awake, and sees by itself that nobody is left.
+        let _ = self.0.try_send(Command::Stop);
+    }
+}
+
+/// The way to the engine thread, which ends when the last of these is dropped. Cloning is cheap.
 #[derive(Clone)]
 pub struct Engine {
     pub(super) commands: mpsc::Sender<Command>,
     pub(super) sessions: watch::Receiver<Arc<Vec<Session>>>,
     pub(super) gpu: Gpu,
+    pub(super) ending: watch::Receiver<Option<Ending>>,
+    pub(super) _alive: Arc<Life>,
 }
 
 /// The way to one session. Cloning is cheap.
@@ -250,9 +282,23 @@ impl Engine {
         ask(&self.commands, |reply| Command::Remove { id, reply }).await
     }
 
-    /// Lets the engine thread end.
+    /// Ends the engine thread and all sessions, and waits until it has given back what it held.
     pub async fn stop(&self) {
         let _ = self.commands.send(Command::Stop).await;
+        let _ = self.ended().await;
+    }
+
+    /// Waits until the engine thread has ended.
+    ///
+    /// # Errors
+    /// [`EngineError::Gpu`] where it was not asked to: the device is lost. [`EngineError::Gone`] where it broke.
+    pub async fn ended(&self) -> Result<(), EngineError> {
+        let mut ending = self.ending.clone();
+        let ended = ending.wait_for(Option::is_some).await.map_err(|_| EngineError::Gone)?;
+        match &*ended {
+            Some(Ending::Failed(error)) => Err(error.clone().into()),
+            _ => Ok(()),
+        }
     }
 }
 
@@ -317,6 +363,8 @@ impl Session {
             slot.seen.retain(|(client, _)| *client != by);
             slot.seen.push((by, seq));
         }
+        // Where the channel is full the engine is awake, and looks into the slot before it sleeps.
+        let _ = self.commands.try_send(Command::Wake);
         Ok(())
     }
 
@@ -328,7 +376,13 @@ impl Session {
         self.order(|reply| Order::Control { control, by, reply }).await
     }
 
-    /// Tells the size that a client shows pictures at; the newest word of any client counts.
+    /// Tells that a client looks at the pictures. Without one none are developed but the first and the final ones.
+    pub async fn attach(&self, by: ClientId) {
+        let _ = self.send(Order::Attach { by }).await;
+    }
+
+    /// Tells the size that a client shows pictures at, 16 to 8192 an edge; the newest word of any client counts. Who
+    /// tells a size is attached.
     pub async fn resize(&self, by: ClientId, size: [u32; 2]) {
         let _ = self.send(Order::Resize { size, by }).await;
     }

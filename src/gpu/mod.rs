@@ -20,6 +20,7 @@ struct Inner {
     info: wgpu::AdapterInfo,
     limits: wgpu::Limits,
     fault: Arc<Mutex<Option<String>>>,
+    lost: Arc<Mutex<Option<String>>>,
 }
 
 /// Why the GPU cannot do what was asked.
@@ -161,7 +162,14 @@ impl Gpu {
                 fault.get_or_insert_with(|| error.to_string());
             }
         }));
-        Ok(Self(Arc::new(Inner { device, queue, info, limits, fault })))
+        let lost = Arc::new(Mutex::new(None));
+        let gone = Arc::clone(&lost);
+        device.set_device_lost_callback(move |reason, words| {
+            if let Ok(mut lost) = gone.lock() {
+                lost.get_or_insert_with(|| format!("{reason:?}: {words}"));
+            }
+        });
+        Ok(Self(Arc::new(Inner { device, queue, info, limits, fault, lost })))
     }
 
     /// The wgpu device.
@@ -268,6 +276,11 @@ impl Gpu {
         let waited = self.0.device.poll(wgpu::PollType::Wait { submission_index: Some(submission), timeout });
         self.check()?;
         waited.map(|_| ()).map_err(|error| GpuError::Fault(error.to_string()))
+    }
+
+    /// The driver's words if the device is lost: nothing can be done on it any more.
+    pub fn lost(&self) -> Option<String> {
+        self.0.lost.lock().ok().and_then(|lost| lost.clone())
     }
 
     /// Takes the error that the device has reported since the last call, if any.

@@ -5,8 +5,6 @@ use std::ops::Range;
 use super::Subject;
 use crate::gpu::{Gpu, GpuError};
 
-/// Bytes of a pixel on the GPU: mean (r, g, b, alpha), squared deviations (r, g, b), counts.
-pub(super) const BYTES_PER_PIXEL: u64 = 32;
 /// Low bits of the counts: samples; dropped paths above them.
 pub(super) const COUNT_MASK: u32 = (1 << 21) - 1;
 
@@ -17,24 +15,29 @@ pub struct Film {
     pub(super) picture: [u32; 2],
     pub(super) rows: Range<u32>,
     pub(super) samples: u32,
+    /// Samples per pixel aimed at by the pass under way, and the blocks of pixels that have them.
+    pub(super) pass: Option<(u32, u32)>,
     subject: Option<Subject>,
 }
 
 impl Film {
+    /// Bytes of a pixel on the GPU: mean (r, g, b, alpha), squared deviations (r, g, b), counts.
+    pub const BYTES_PER_PIXEL: u64 = 32;
+
     /// A blank film for the given rows of a picture of this size.
     ///
     /// # Errors
     /// [`GpuError::TooLarge`] where the adapter cannot hold it: a picture can then be taken in bands.
     pub fn new(gpu: &Gpu, picture: [u32; 2], rows: Range<u32>) -> Result<Self, GpuError> {
         let height = rows.end.saturating_sub(rows.start);
-        let bytes = u64::from(picture[0]) * u64::from(height) * BYTES_PER_PIXEL;
+        let bytes = u64::from(picture[0]) * u64::from(height) * Self::BYTES_PER_PIXEL;
         let pixels = gpu.storage(&format!("a film of {}×{height} pixels", picture[0]), bytes)?;
-        Ok(Self { gpu: gpu.clone(), pixels, picture, rows, samples: 0, subject: None })
+        Ok(Self { gpu: gpu.clone(), pixels, picture, rows, samples: 0, pass: None, subject: None })
     }
 
     /// Rows of a film that fits the adapter, for a picture of this width.
     pub fn rows_that_fit(gpu: &Gpu, width: u32) -> u32 {
-        let rows = gpu.largest_binding() / (BYTES_PER_PIXEL * u64::from(width.max(1)));
+        let rows = gpu.largest_binding() / (Self::BYTES_PER_PIXEL * u64::from(width.max(1)));
         u32::try_from(rows).unwrap_or(u32::MAX)
     }
 
@@ -55,6 +58,7 @@ impl Film {
     /// Starts over.
     pub fn clear(&mut self) {
         self.samples = 0;
+        self.pass = None;
         let mut encoder = self.gpu.encoder("clear the film");
         encoder.clear_buffer(&self.pixels, 0, None);
         self.gpu.queue().submit([encoder.finish()]);
@@ -63,6 +67,11 @@ impl Film {
     /// Samples that every pixel has.
     pub fn samples(&self) -> u32 {
         self.samples
+    }
+
+    /// What is done so far, to be compared: it differs whenever more was done.
+    pub fn progress(&self) -> (u32, u32) {
+        (self.samples, self.pass.map_or(0, |(_, blocks)| blocks))
     }
 
     /// Width and height in pixels.

@@ -137,8 +137,12 @@ impl Tracer {
             let rounds = (DISPATCH_S / a_round).clamp(1.0, 64.0) as u32;
             batch.target_samples = target.min(film.samples + rounds);
             let blocks_at_once = ((DISPATCH_S / self.pace) as u32).clamp(64, self.lanes / 64);
-            // One pass over the picture; where it stopped before, finished pixels are passed over quickly.
+            // One pass over the picture. One that was stopped goes on at its block, or a picture that takes longer
+            // than its turn would pass over finished pixels for ever.
             batch.end_block = 0;
+            if let Some((samples, blocks)) = film.pass.filter(|(samples, _)| *samples <= target) {
+                (batch.target_samples, batch.end_block) = (samples, blocks);
+            }
             while batch.end_block < batch.blocks {
                 batch.first_block = batch.end_block;
                 batch.end_block = (batch.first_block + blocks_at_once).min(batch.blocks);
@@ -163,8 +167,10 @@ impl Tracer {
                     }
                     batch.resume = 1;
                 }
+                film.pass = Some((batch.target_samples, batch.end_block));
             }
             film.samples = batch.target_samples;
+            film.pass = None;
         }
         Ok(true)
     }

@@ -1,0 +1,217 @@
+//! A session's turn: the camera, a simulation step, the stage, samples, a picture.
+
+use std::time::{Duration, Instant};
+
+use super::films::Which;
+use super::room::{Room, Tools, camera_in};
+use crate::gpu::GpuError;
+
+/// How long after the last change a scene counts as moving.
+const MOTION: Duration = Duration::from_millis(80);
+
+/// How often the noise is looked at while samples accumulate towards `render.noise`.
+const NOISE_EVERY: Duration = Duration::from_secs(1);
+
+/// When a session has something to do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Wants {
+    Now,
+    At(Instant),
+    Nothing,
+}
+
+impl Tools<'_> {
+    /// Time that a moving picture may take, with the step before it.
+    pub(super) fn period(&self) -> Duration {
+        period(self.settings.fps)
+    }
+}
+
+/// Time between two pictures.
+pub(super) fn period(fps: f32) -> Duration {
+    Duration::from_secs_f32(1.0 / fps.clamp(0.1, 1000.0))
+}
+
+impl Room {
+    /// When this session has something to do, if no command comes first.
+    pub(super) fn wants(&self, now: Instant) -> Wants {
+        let at = |due: Instant| if now >= due { Wants::Now } else { Wants::At(due) };
+        if self.urgent() || !self.stepping.is_empty() || !self.jobs.is_empty() {
+            Wants::Now
+        } else if self.runs() {
+            at(self.next_step)
+        } else if !self.complete() {
+            Wants::Now
+        } else if !self.settled {
+            at(self.moved_at + MOTION)
+        } else {
+            Wants::Nothing
+        }
+    }
+
+    /// Whether somebody waits for a picture.
+    pub(super) fn urgent(&self) -> bool {
+        self.owed || self.camera_waits()
+    }
+
+    /// Whether the simulations go on by themselves.
+    fn runs(&self) -> bool {
+        self.playing && self.stepping.is_empty() && !self.world.frozen()
+    }
+
+    /// Whether the full film has all the samples that the scene asks for.
+    pub(super) fn complete(&self) -> bool {
+        let render = &self.history.scene().render;
+        let full = self.films.full();
+        !self.stale
+            && full.is_of(&self.subject)
+            && (full.taken() >= render.spp || render.noise.zip(full.noise).is_some_and(|(enough, noise)| noise <= enough))
+    }
+
+    pub(super) fn at_rest(&self, now: Instant) -> bool {
+        !self.runs() && self.stepping.is_empty() && now >= self.moved_at + MOTION
+    }
+
+    /// One bounded piece of this session's work.
+    ///
+    /// # Errors
+    /// A [`GpuError`] that the session does not survive.
+    pub(super) fn slice(&mut self, tools: &mut Tools<'_>) -> Result<(), GpuError> {
+        let streams = self.urgent() || !self.stepping.is_empty() || self.runs() || !self.complete() || !self.settled;
+        if !self.jobs.is_empty() && (self.job_next || !streams) {
+            self.job_next = false;
+            return self.work_on_still(tools);
+        }
+        self.job_next = !self.jobs.is_empty();
+        self.move_on(tools)?;
+        if self.stale {
+            self.stage.update(self.history.scene(), self.world.grids())?;
+            self.subject = crate::render::Subject::of(self.history.scene(), self.world.grids());
+            self.stale = false;
+        }
+        let now = Instant::now();
+        if self.owed {
+            self.answer(tools)?;
+        } else if self.runs() || !self.stepping.is_empty() {
+            // The next step changes the subject: samples until then would be thrown away.
+        } else if self.complete() {
+            if !self.settled && self.at_rest(now) {
+                self.show(Which::Full, tools)?;
+            }
+        } else if self.news && self.at_rest(now) {
+            self.show(Which::Full, tools)?;
+        } else {
+            self.accumulate(tools)?;
+        }
+        self.report(tools)
+    }
+
+    /// Takes the camera message that waits, and the simulation steps that are due.
+    fn move_on(&mut self, tools: &mut Tools<'_>) -> Result<(), GpuError> {
+        // A picture that is under way is finished first, or a stream of messages would never see one.
+        if self.aim.is_some() && self.owed {
+            return Ok(());
+        }
+        let moved = self.take_camera();
+        let clock = Instant::now();
+        let due = !self.stepping.is_empty() || (self.runs() && clock >= self.next_step);
+        if !due || (moved && self.watched() && !self.answered) {
+            self.answered |= moved;
+            return Ok(());
+        }
+        self.answered = false;
+        if self.stepping.is_empty() {
+            let next = self.next_step + tools.period();
+            // A late step is not made up for.
+            self.next_step = if next > clock { next } else { clock };
+            return self.step(tools);
+        }
+        while let Some(stepping) = self.stepping.front_mut() {
+            if stepping.left > 0 && !self.world.frozen() {
+                stepping.left -= 1;
+                self.step(tools)?;
+                if clock.elapsed() >= tools.period() {
+                    break;
+                }
+            } else if let Some(done) = self.stepping.pop_front() {
+                let _ = done.reply.send(Ok(()));
+            }
+        }
+        Ok(())
+    }
+
+    fn step(&mut self, tools: &mut Tools<'_>) -> Result<(), GpuError> {
+        let clock = Instant::now();
+        self.begun.get_or_insert(clock);
+        self.world.step()?;
+        // The step is waited for: its time decides how large the picture may be.
+        tools.gpu.finish(tools.gpu.encoder("step"))?;
+        let took = clock.elapsed();
+        self.pace.stepped(took);
+        self.work += took;
+        self.stats.simulate_ms = took.as_secs_f32() * 1e3;
+        self.stale = true;
+        self.owed = true;
+        self.settled = false;
+        self.news = false;
+        Ok(())
+    }
+
+    /// Makes the picture that is owed: of a film that has samples of the subject, or of new ones at the size that
+    /// motion allows.
+    fn answer(&mut self, tools: &mut Tools<'_>) -> Result<(), GpuError> {
+        if !self.watched() && self.pictures.borrow().is_some() {
+            self.owed = false;
+            self.aim = None;
+            return Ok(());
+        }
+        if let Some((which, _)) = self.films.showing(&self.subject) {
+            return self.show(which, tools);
+        }
+        self.begun.get_or_insert_with(Instant::now);
+        let period = tools.period();
+        let (size, spp) = self.aim.unwrap_or_else(|| {
+            let (size, spp) = self.pace.choose(self.films.size(), self.runs(), period);
+            // Where pictures blend, each has one sample: the weight is a sample's.
+            (size, if self.subject.blends() { 1 } else { spp.min(self.history.scene().render.spp) })
+        });
+        self.aim = Some((size, spp));
+        let (which, exposure) = self.films.of_size(tools.gpu, size, &self.subject)?;
+        let before = exposure.taken();
+        let took = exposure.expose(tools.tracer, &self.stage, spp, period * 2, &|_| false)?;
+        let taken = exposure.taken();
+        if taken > before {
+            self.pace.rendered(u64::from(size[0]) * u64::from(size[1]), exposure.per_sample);
+        }
+        self.work += took;
+        self.stats.render_ms = took.as_secs_f32() * 1e3;
+        if taken > 0 { self.show(which, tools) } else { Ok(()) }
+    }
+
+    /// Adds samples to the full film, until the next picture is due or somebody else is.
+    fn accumulate(&mut self, tools: &mut Tools<'_>) -> Result<(), GpuError> {
+        self.begun.get_or_insert_with(Instant::now);
+        let render = &self.history.scene().render;
+        let (spp, noise) = (render.spp, render.noise);
+        let exposure = self.films.full_of(&self.subject);
+        let before = exposure.taken();
+        let milestone = before.saturating_add(1).checked_next_power_of_two().unwrap_or(spp).min(spp);
+        let goal =
+            if noise.is_some() { milestone.min(before.saturating_add(exposure.samples_in(NOISE_EVERY))) } else { milestone };
+        let (camera, waiting) = (&self.camera, tools.waiting);
+        let wanted = |served: bool| camera_in(camera) || (served && !waiting.is_empty());
+        let took = exposure.expose(tools.tracer, &self.stage, goal, tools.period(), &wanted)?;
+        self.work += took;
+        self.stats.render_ms = took.as_secs_f32() * 1e3;
+        let taken = self.films.full().taken();
+        if taken < goal {
+            return Ok(());
+        }
+        if noise.is_some() || self.watched() || taken >= spp {
+            let noise = tools.tracer.noise(&self.films.full().film)?;
+            self.films.full_of(&self.subject).noise = noise;
+        }
+        self.news |= taken == milestone && self.watched();
+        Ok(())
+    }
+}
