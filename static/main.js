@@ -37,19 +37,27 @@ let schema = {};
 /** @type {import("./protocol.js").Stats | null} */
 let stats = null;
 let playing = true;
-/** Whether this page may change the scene. */
+/** The server's name for this connection, where it tells. */
 let client = "";
+/** Whether this page has taken control. */
 let holding = false;
 /** @type {Panel | null} */
 let panel = null;
 /** @type {Awaited<ReturnType<typeof showPresets>> | null} */
 let presets = null;
 let refreshing = 0;
+/** The size last asked for. */
+let asked = "";
+let keyframeAt = -Infinity;
 
 const canvas = byId("canvas", HTMLCanvasElement);
 const status = new Status();
 const socket = new Socket({
-  hello: () => ({ type: "hello", codecs: ["jpeg", "png"], size: picture.wantedSize(), role }),
+  hello() {
+    const size = picture.wantedSize();
+    asked = String(size);
+    return { type: "hello", codecs: ["jpeg", "png"], size, role };
+  },
   message: hear,
   frame: (message) => picture.take(message),
   state(state) {
@@ -65,7 +73,13 @@ const picture = new Picture(canvas, {
     rig.shown(picture.last.seq);
     status.count(picture.last);
   },
-  broken: (why) => console.warn(`A picture could not be shown: ${why}`),
+  broken(why) {
+    console.warn(`A picture could not be shown: ${why}`);
+    // It may have been the last one before a long rest.
+    if (performance.now() - keyframeAt < 1000) return;
+    keyframeAt = performance.now();
+    socket.send({ type: "keyframe" });
+  },
 });
 const rig = new Rig((message) => socket.send(message), (camera) => {
   if (scene) become({ ...scene, camera: { ...scene.camera, ...camera } });
@@ -157,7 +171,7 @@ function hear(message) {
     case "notice": return toast(message.text, message.level === "error" ? "error" : "info");
     case "control": {
       const mine = message.you ?? (message.holder === client || holding);
-      byId("holder", HTMLElement).hidden = message.holder === null || mine;
+      showHolder(message.holder !== null && !mine);
       holding = message.holder !== null && mine;
       return undefined;
     }
@@ -176,12 +190,18 @@ function welcome(message) {
   become(completeScene(schema, message.scene));
   rig.adopt(message.scene);
   showPlaying(message.playing ?? playing);
+  showHolder(message.role === "view");
   if (!kept) {
     rig.home = rig.view;
   } else if (message.rev < before && role === "control") {
     // The server has started anew and forgotten; this page has not.
     replace(/** @type {any} */ (kept)).then(() => toast("The server had started again: the scene is restored."));
   }
+}
+
+/** Says that another holds control. @param {boolean} other */
+function showHolder(other) {
+  byId("holder", HTMLElement).hidden = !other || role === "view";
 }
 
 /** @param {Extract<ServerMessage, {type: "patch"}>} message */
@@ -291,7 +311,6 @@ listen({
 
 /** @type {ReturnType<typeof setTimeout> | undefined} */
 let resizing;
-let asked = "";
 function resized() {
   picture.fit();
   clearTimeout(resizing);

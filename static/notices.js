@@ -9,6 +9,7 @@ const SHOWN = 5000;
 export function toast(text, level = "info") {
   const list = byId("toasts", HTMLElement);
   const item = h("p", { class: level }, text);
+  if (list.lastElementChild?.textContent === text) list.lastElementChild.remove();
   for (const old of [...list.children].slice(0, -2)) old.remove();
   list.append(item);
   setTimeout(() => item.remove(), SHOWN);

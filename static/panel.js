@@ -172,11 +172,12 @@ export class Panel {
       for (const [name, control] of controls) control.update(object[name] ?? null);
     };
     if (!editable) return { element: list, update };
-    const add = h("button", { type: "button" }, `Add to ${label.toLowerCase()}`);
+    const one = (path.at(-1) ?? "").replace(/s$/, "");
+    const add = h("button", { type: "button" }, `Add ${readable(one).toLowerCase()}`);
     add.addEventListener("click", () => {
       let n = controls.size + 1;
-      while (controls.has(`${path.at(-1)}${n}`)) n += 1;
-      this.context.edit([...path, `${path.at(-1)}${n}`], complete(entries, {}));
+      while (controls.has(`${one}${n}`)) n += 1;
+      this.context.edit([...path, `${one}${n}`], complete(entries, {}));
     });
     return { element: frame(label, path, [list, add]), update };
   }

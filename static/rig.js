@@ -5,6 +5,9 @@
 /** @typedef {import("./protocol.js").Scene} Scene */
 /** @typedef {import("./protocol.js").Vec3} Vec3 */
 
+/** Milliseconds for which a measured latency is worth telling. */
+const FRESH = 3000;
+
 /** Shortest decimals that a 32-bit float can tell apart. @param {number} x */
 const short = (x) => Number(x.toPrecision(9));
 /** @param {readonly number[]} v @returns {Vec3} */
@@ -15,13 +18,12 @@ export class Rig {
   view = { position: [1.6, 0.9, -2.1], target: [0, 0, 0], up: [0, 1, 0], fov_y: 32 };
   /** Where Home goes. @type {View} */
   home = this.view;
-  /** Milliseconds from the last movement to its picture on the screen, or null. @type {number | null} */
-  latency = null;
-
   #seq = 0;
   #pending = 0;
   /** @type {Map<number, number>} */
   #sent = new Map();
+  #latency = 0;
+  #measured = -Infinity;
 
   /**
    * @param {(message: import("./protocol.js").ClientMessage) => boolean} send
@@ -53,11 +55,17 @@ export class Rig {
     this.moved(camera);
   }
 
+  /** Milliseconds from a movement to its picture on the screen; null where the camera has long stood still. */
+  get latency() {
+    return performance.now() - this.#measured < FRESH ? this.#latency : null;
+  }
+
   /** Notes that a picture with this `seq` is on the screen. @param {number} seq */
   shown(seq) {
     const sent = this.#sent.get(seq);
     if (sent === undefined) return;
-    this.latency = performance.now() - sent;
+    this.#measured = performance.now();
+    this.#latency = this.#measured - sent;
     for (const earlier of this.#sent.keys()) if (earlier <= seq) this.#sent.delete(earlier);
   }
 
@@ -65,6 +73,6 @@ export class Rig {
   restart() {
     this.#seq = 0;
     this.#sent.clear();
-    this.latency = null;
+    this.#measured = -Infinity;
   }
 }

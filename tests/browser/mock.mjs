@@ -165,6 +165,7 @@ export async function mock({ port = 0, token = "", base = "/", detail = 1, schem
         socket.send(JSON.stringify({ type: "welcome", protocol: "tyndall.v1", session: "main", role: message.role, codec: "jpeg", rev, scene, client: client.id, playing }));
       }
       if (message.type === "ack") client.acked = Math.max(client.acked, message.frame);
+      if (message.type === "keyframe") { client.final = false; client.shown = -1; }
       if (message.type === "resize") { client.size = message.size; spp = 0; client.final = false; }
       if (message.type === "camera") {
         const { type, seq, ...camera } = message;

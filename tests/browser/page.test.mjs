@@ -38,6 +38,22 @@ test("a broken picture is passed over, and its credit returns", async () => {
   await page.context().close();
 });
 
+test("a broken last picture is asked for again", async () => {
+  const own = await mock({ detail: 0.2 });
+  const page = await openPage(browser, own.url);
+  await page.click("#toggle");
+  await page.click("#tab-camera");
+  await page.getByLabel("Samples, exact").fill("2");
+  await page.getByLabel("Samples, exact").press("Enter");
+  await page.waitForFunction(() => globalThis.tyndall.lastFrame.final && globalThis.tyndall.lastFrame.spp === 2);
+  const { frames } = await look(page);
+  own.spoil();
+  await page.waitForFunction((before) => globalThis.tyndall.frames > before, frames);
+  assert.equal((await look(page)).lastFrame.final, true);
+  await page.context().close();
+  own.close();
+});
+
 test("under a sub-path every address stays below it", async () => {
   const below = await mock({ detail: 0.2, base: "/some/path/" });
   const page = await openPage(browser, below.url);
