@@ -37,6 +37,8 @@ let schema = {};
 /** @type {import("./protocol.js").Stats | null} */
 let stats = null;
 let playing = true;
+/** Whether the next welcome is that of a connection made again; a welcome may also come in between. */
+let returning = false;
 /** The server's name for this connection, where it tells. */
 let client = "";
 /** Whether this page has taken control. */
@@ -56,6 +58,10 @@ const socket = new Socket({
   hello() {
     const size = picture.wantedSize();
     asked = String(size);
+    // Frames and camera messages are numbered anew on every connection.
+    picture.restart();
+    rig.restart();
+    returning = scene !== null;
     return { type: "hello", codecs: ["jpeg", "png"], size, role };
   },
   message: hear,
@@ -70,6 +76,7 @@ const picture = new Picture(canvas, {
   drawn() {
     if (picture.frames === 1) explain("open", () => {});
     if (!picture.last) return;
+    rev = Math.max(rev, picture.last.rev);
     rig.shown(picture.last.seq);
     status.count(picture.last);
   },
@@ -185,18 +192,16 @@ function welcome(message) {
   const before = rev;
   client = message.client ?? "";
   rev = message.rev;
-  picture.restart();
-  rig.restart();
   become(completeScene(schema, message.scene));
   rig.adopt(message.scene);
   showPlaying(message.playing ?? playing);
-  showHolder(message.role === "view");
-  if (!kept) {
-    rig.home = rig.view;
-  } else if (message.rev < before && role === "control") {
+  showHolder(typeof message.holder === "string" && message.holder !== client);
+  if (!kept) rig.home = rig.view;
+  if (kept && returning && message.rev < before && role === "control") {
     // The server has started anew and forgotten; this page has not.
     replace(/** @type {any} */ (kept)).then(() => toast("The server had started again: the scene is restored."));
   }
+  returning = false;
 }
 
 /** Says that another holds control. @param {boolean} other */

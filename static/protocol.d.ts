@@ -75,7 +75,7 @@ export interface Stats {
 }
 
 export type ServerMessage =
-  | { type: "welcome"; protocol: string; session: string; role: string; codec: string; rev: number; scene: Scene; client?: string; playing?: boolean }
+  | { type: "welcome"; protocol: string; session: string; role: string; codec: string; rev: number; scene: Scene; client?: string; playing?: boolean; holder?: string | null }
   | { type: "patch"; rev: number; by: string | null; patch: JsonObject }
   | ({ type: "stats" } & Stats)
   | { type: "notice"; level: string; code: string; text: string }

@@ -162,7 +162,7 @@ export async function mock({ port = 0, token = "", base = "/", detail = 1, schem
       if (message.type === "hello") {
         client.size = message.size;
         clients.add(client);
-        socket.send(JSON.stringify({ type: "welcome", protocol: "tyndall.v1", session: "main", role: message.role, codec: "jpeg", rev, scene, client: client.id, playing }));
+        socket.send(JSON.stringify({ type: "welcome", protocol: "tyndall.v1", session: "main", role: message.role, codec: "jpeg", rev, scene, client: client.id, playing, holder }));
       }
       if (message.type === "ack") client.acked = Math.max(client.acked, message.frame);
       if (message.type === "keyframe") { client.final = false; client.shown = -1; }
@@ -182,7 +182,7 @@ export async function mock({ port = 0, token = "", base = "/", detail = 1, schem
       if (message.type === "control") {
         if (message.cmd === "take" || message.cmd === "release") {
           holder = message.cmd === "take" ? client.id : null;
-          tell({ type: "control", holder });
+          for (const other of clients) other.socket.send(JSON.stringify({ type: "control", holder, you: other === client && holder !== null }));
         } else control(message.cmd);
       }
     });
@@ -238,6 +238,12 @@ export async function mock({ port = 0, token = "", base = "/", detail = 1, schem
         head.writeUInt32LE(client.frame, 8);
         client.socket.send(head);
         client.socket.send(Buffer.from("short"));
+      }
+    },
+    /** Greets every client once more, as after missed changes. */
+    greet() {
+      for (const { socket, id } of clients) {
+        socket.send(JSON.stringify({ type: "welcome", protocol: "tyndall.v1", session: "main", role: "control", codec: "jpeg", rev, scene, client: id, playing, holder }));
       }
     },
     /** Frames sent and acknowledged, of each client. */

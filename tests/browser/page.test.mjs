@@ -54,6 +54,17 @@ test("a broken last picture is asked for again", async () => {
   own.close();
 });
 
+test("a second welcome loses no credit", async () => {
+  const page = await openPage(browser, server.url);
+  for (let i = 0; i < 20; i += 1) {
+    server.greet();
+    await page.waitForTimeout(37);
+  }
+  const { frames } = await look(page);
+  await page.waitForFunction((before) => globalThis.tyndall.frames > before + 3, frames);
+  await page.context().close();
+});
+
 test("under a sub-path every address stays below it", async () => {
   const below = await mock({ detail: 0.2, base: "/some/path/" });
   const page = await openPage(browser, below.url);
