@@ -2,7 +2,7 @@
 //
 // An invocation owns `pixels_per_lane` pixels, one after the other, and brings each to `target_samples` samples. Its state
 // is one path: it flies (cell by cell through one volume after the other), and when the flight has ended it
-// scatters, escapes, or looks to a light. A dispatch ends after `budget` flights a lane; the path under way is
+// scatters, escapes, or looks to a light. A dispatch ends after `budget` rounds; the path under way is
 // then kept in `suspended` and goes on in the next dispatch.
 #import lib/random.wgsl
 #import lib/phase.wgsl
@@ -37,12 +37,19 @@ struct Camera {
 
 struct Scene {
     camera: Camera,
-    volume_count: u32,
-    max_bounces: u32,
-    background: u32,
     seed: u32,
     /// Weight of a new sample over all before it; 0: each counts alike.
     blend: f32,
+}
+
+/// What loops and branches depend on in a scene.
+struct Limits {
+    volume_count: u32,
+    max_bounces: u32,
+    background: u32,
+    /// 1 if the sun shines; lamps are counted after it.
+    suns: u32,
+    lamps: u32,
 }
 
 /// What one dispatch does.
@@ -63,7 +70,7 @@ struct Batch {
     end_block: u32,
     /// Blocks of one workgroup.
     blocks_per_group: u32,
-    /// Flights that a lane may begin.
+    /// Rounds of flights after which a lane begins no further one.
     budget: u32,
     /// 1: go on with suspended paths.
     resume: u32,
@@ -93,9 +100,9 @@ struct Status {
     dropped: atomic<u32>,
 }
 
-// Parameters stand in storage, not in uniforms: see `Gpu::uniform`.
-@group(0) @binding(0) var<storage, read> scene: Scene;
-@group(0) @binding(1) var<storage, read> light: Light;
+// What control flow depends on stands in storage, not in uniforms: see `Gpu::uniform`.
+@group(0) @binding(0) var<uniform> scene: Scene;
+@group(0) @binding(1) var<uniform> light: Light;
 @group(0) @binding(2) var<storage, read> volumes: array<Volume, MAX_VOLUMES>;
 @group(0) @binding(3) var<storage, read> batch: Batch;
 /// (lowest value, 1 / width) of each volume.
@@ -109,9 +116,18 @@ struct Status {
 @group(0) @binding(7) var<storage, read_write> film: array<vec4u>;
 @group(0) @binding(8) var<storage, read_write> suspended: array<Path>;
 @group(0) @binding(9) var<storage, read_write> status: Status;
+@group(0) @binding(10) var<storage, read> limits_in: Limits;
 
+/// Steps of a flight before other lanes get their turn.
+const BURST: u32 = 32u;
+/// Bursts after which a flight's path is dropped: where a majorant is out of all proportion, it would never end.
+const MAX_BURSTS: u32 = 512u;
 const COUNT_BITS: u32 = 21u;
 const COUNT_MASK: u32 = 0x1fffffu;
+
+// Copies of parameters in registers: a storage load costs software drivers dozens of cycles, even where nobody needs it.
+var<private> limits: Limits;
+var<private> target_samples: u32;
 
 // The path of this invocation.
 var<private> path: Path;
@@ -125,6 +141,8 @@ var<private> pixel_counts: u32;
 
 // Its flight: along path.direction, or towards a light.
 var<private> flying: bool = false;
+/// Whether the flight would not end: its path is dropped.
+var<private> lost: bool = false;
 var<private> to_light: bool = false;
 var<private> ray: vec3f;
 /// Length at which the flight must end: the lamp, or the nearest collision found in other volumes.
@@ -320,7 +338,7 @@ fn step() -> bool {
 /// Begins a flight at the first volume that the ray meets; false where there is none.
 fn take_off(first: u32) -> bool {
     volume = first;
-    while (volume < scene.volume_count) {
+    while (volume < limits.volume_count) {
         if (enter()) {
             return true;
         }
@@ -340,7 +358,7 @@ fn fly() {
 
 /// Chooses a light and begins the flight towards it; false where there is none.
 fn look_to_light() -> bool {
-    let lights = light.suns + light.lamp_count;
+    let lights = limits.suns + limits.lamps;
     if (lights == 0u) {
         return false;
     }
@@ -349,11 +367,11 @@ fn look_to_light() -> bool {
         chosen = min(u32(draw() * f32(lights)), lights - 1u);
     }
     reach = 0x1.fffffep+127f;
-    if (chosen < light.suns) {
+    if (chosen < limits.suns) {
         ray = light.to_sun;
         arriving = light.sun_irradiance;
     } else {
-        let lamp = light.lamps[chosen - light.suns];
+        let lamp = light.lamps[chosen - limits.suns];
         let way = lamp.position - path.origin;
         reach = max(length(way), 1e-6);
         ray = way / reach;
@@ -387,7 +405,7 @@ fn scatter() {
 
 /// Turns the path after a scattering; false where it ends.
 fn turn() -> bool {
-    if (path.bounces >= scene.max_bounces) {
+    if (path.bounces >= limits.max_bounces) {
         return false;
     }
     let strongest = max(path.throughput.x, max(path.throughput.y, path.throughput.z));
@@ -405,10 +423,10 @@ fn turn() -> bool {
 
 /// What a path that met nothing more sees.
 fn escape() {
-    if (path.bounces > 0u || scene.background == BACKGROUND_SKY) {
+    if (path.bounces > 0u || limits.background == BACKGROUND_SKY) {
         path.radiance += path.throughput * sky(path.direction);
     }
-    if (path.bounces == 0u && scene.background != BACKGROUND_TRANSPARENT) {
+    if (path.bounces == 0u && limits.background != BACKGROUND_TRANSPARENT) {
         path.alpha = 1.0;
     }
 }
@@ -420,8 +438,9 @@ fn finite(x: vec3f) -> bool {
 
 /// Adds the finished path to its pixel.
 fn gather() {
-    if (!finite(path.radiance)) {
+    if (lost || !finite(path.radiance)) {
         // A single bad path would poison the film for ever.
+        lost = false;
         atomicAdd(&status.dropped, 1u);
         pixel_counts += 1u << COUNT_BITS;
         return;
@@ -502,6 +521,11 @@ fn main(@builtin(workgroup_id) group_id: vec3u, @builtin(num_workgroups) groups:
         path.block = first;
         path.alive = 0u;
     }
+    limits = limits_in;
+    target_samples = batch.target_samples;
+    let budget = batch.budget;
+    var rounds = 0u;
+    var bursts = 0u;
     if (SINGLE) {
         here = volumes[0];
         here_window = windows[0];
@@ -510,10 +534,11 @@ fn main(@builtin(workgroup_id) group_id: vec3u, @builtin(num_workgroups) groups:
     if (path.alive == 1u) {
         fly();
     }
-    var flights = 0u;
     loop {
-        // Fly until this lane's flight has ended.
-        while (flying) {
+        // Fly on, at most BURST steps, so that the number of loop iterations is bounded: Mesa's software driver leaves
+        // every loop without a word once an invocation has been through 65535 iterations in all.
+        rounds++;
+        for (var i = 0u; i < BURST && flying; i++) {
             if (step()) {
                 continue;
             }
@@ -524,10 +549,21 @@ fn main(@builtin(workgroup_id) group_id: vec3u, @builtin(num_workgroups) groups:
                 flying = take_off(volume + 1u);
             }
         }
+        if (flying) {
+            bursts++;
+            if (bursts < MAX_BURSTS) {
+                continue;
+            }
+            flying = false;
+            lost = true;
+        }
+        bursts = 0u;
         // Then decide what comes next.
         if (path.alive == 1u) {
             var goes_on = true;
-            if (to_light) {
+            if (lost) {
+                goes_on = false;
+            } else if (to_light) {
                 path.radiance += path.throughput * arriving * transmittance;
                 goes_on = turn();
             } else if (hit != NONE) {
@@ -546,7 +582,7 @@ fn main(@builtin(workgroup_id) group_id: vec3u, @builtin(num_workgroups) groups:
             }
         }
         if (path.alive == 0u) {
-            while (path.block < end && (pixel == NONE || samples_done() >= batch.target_samples)) {
+            while (path.block < end && (pixel == NONE || samples_done() >= target_samples)) {
                 put_pixel();
                 path.block++;
                 if (path.block < end) {
@@ -558,8 +594,7 @@ fn main(@builtin(workgroup_id) group_id: vec3u, @builtin(num_workgroups) groups:
             }
             depart(lane);
         }
-        flights++;
-        if (flights > batch.budget) {
+        if (rounds > budget) {
             break;
         }
         fly();

@@ -16,9 +16,6 @@ struct Light {
     /// Unit vector towards the sun.
     to_sun: vec3f,
     sun_irradiance: vec3f,
-    /// 1 if the sun shines; lamps are counted after it.
-    suns: u32,
-    lamp_count: u32,
     lamps: array<Lamp, MAX_LAMPS>,
 }
 

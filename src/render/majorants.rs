@@ -198,3 +198,58 @@ fn cells(size: [u32; 3]) -> [u32; 3] {
 fn voxels(size: [u32; 3]) -> u64 {
     size.into_iter().map(u64::from).product()
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::LazyLock;
+
+    use serde_json::json;
+
+    use super::*;
+    use crate::gpu::{AdapterChoice, Readback};
+    use crate::scene::Scene;
+    use crate::volume::{Field, Samples};
+
+    static GPU: LazyLock<Gpu> = LazyLock::new(|| Gpu::open(&AdapterChoice::Auto).unwrap());
+
+    #[test]
+    fn majorants_are_the_greatest_values_in_reach() {
+        let sizes = [[19u32, 8, 30], [8, 8, 8], [1, 9, 5]];
+        for (filter, reach) in [("nearest", 0i64), ("trilinear", 1)] {
+            let volume = json!({"source": {"type": "file", "path": "x"}, "medium": {"filter": filter}});
+            let scene = Scene::from_json(&json!({"volumes": {"a": volume, "b": volume, "c": volume}})).unwrap();
+            let fields: Vec<Field> = sizes.iter().map(|size| noise(*size)).collect();
+            let grids: Vec<Grid> = fields.iter().map(|field| field.upload(&GPU).unwrap()).collect();
+            let volumes: Vec<_> = scene.volumes.values().zip(grids.iter().map(Some)).collect();
+            let mut majorants = Majorants::new(&GPU).unwrap();
+            majorants.update(&volumes).unwrap();
+            let total: u64 = sizes.iter().map(|size| voxels(cells(*size))).sum();
+            let found: Vec<f32> = Readback::default().values(&GPU, &majorants.cell_max, total as usize).unwrap();
+            let expected: Vec<f32> = fields.iter().flat_map(|field| brute_force(field, reach)).collect();
+            assert_eq!(found, expected, "{filter}");
+        }
+    }
+
+    fn noise(size: [u32; 3]) -> Field {
+        let value = |i: u32| (i.wrapping_mul(2_654_435_761) >> 8) as f32 / 1000.0 - 3000.0;
+        let samples = Samples::F32((0..voxels(size) as u32).map(value).collect());
+        Field { name: "n".into(), unit: String::new(), size, spacing: [1.0; 3], samples }
+    }
+
+    fn brute_force(field: &Field, reach: i64) -> Vec<f32> {
+        let Samples::F32(values) = &field.samples else { panic!("floats") };
+        let [nx, ny, nz] = field.size.map(i64::from);
+        let [cx, cy, cz] = cells(field.size).map(i64::from);
+        let near = |v: i64, c: i64| v >= c * 8 - reach && v < c * 8 + 8 + reach;
+        let mut out = Vec::new();
+        for cell in 0..cx * cy * cz {
+            let (i, j, k) = (cell % cx, cell / cx % cy, cell / (cx * cy));
+            let greatest = (0..nx * ny * nz)
+                .filter(|v| near(v % nx, i) && near(v / nx % ny, j) && near(v / (nx * ny), k))
+                .map(|v| values[v as usize])
+                .fold(f32::MIN, f32::max);
+            out.push(greatest);
+        }
+        out
+    }
+}

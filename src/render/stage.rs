@@ -31,11 +31,17 @@ struct CameraData {
 #[derive(ShaderType, Default)]
 struct SceneData {
     camera: CameraData,
+    seed: u32,
+    blend: f32,
+}
+
+#[derive(ShaderType, Default)]
+struct LimitsData {
     volume_count: u32,
     max_bounces: u32,
     background: u32,
-    seed: u32,
-    blend: f32,
+    suns: u32,
+    lamps: u32,
 }
 
 #[derive(ShaderType, Default, Clone, Copy)]
@@ -51,8 +57,6 @@ struct LightData {
     ground: Vec3,
     to_sun: Vec3,
     sun_irradiance: Vec3,
-    suns: u32,
-    lamp_count: u32,
     lamps: [LampData; MAX_LAMPS],
 }
 
@@ -91,6 +95,7 @@ pub(super) struct Variant {
 pub struct Stage {
     gpu: Gpu,
     pub(super) scene: wgpu::Buffer,
+    pub(super) limits: wgpu::Buffer,
     pub(super) light: wgpu::Buffer,
     pub(super) volumes: wgpu::Buffer,
     pub(super) majorants: Majorants,
@@ -106,6 +111,7 @@ impl Stage {
         let mut stage = Self {
             gpu: gpu.clone(),
             scene: gpu.uniform("scene", &SceneData::default()),
+            limits: gpu.uniform("limits", &LimitsData::default()),
             light: gpu.uniform("light", &LightData::default()),
             volumes: gpu.uniform("volumes", &[VolumeData::default(); MAX_VOLUMES]),
             majorants: Majorants::new(gpu)?,
@@ -129,8 +135,10 @@ impl Stage {
             (slot.first_word, slot.first_cell) = self.majorants.place(i);
         }
         self.gpu.write_uniform(&self.volumes, &data);
-        self.gpu.write_uniform(&self.scene, &scene_data(scene, volumes.len()));
-        self.gpu.write_uniform(&self.light, &light_data(&scene.light));
+        self.gpu.write_uniform(&self.scene, &scene_data(scene));
+        let (light, lamps) = light_data(&scene.light);
+        self.gpu.write_uniform(&self.light, &light);
+        self.gpu.write_uniform(&self.limits, &limits_data(scene, volumes.len(), lamps));
         self.variant = Variant {
             single: volumes.len() == 1,
             threshold: volumes.iter().any(|(volume, _)| volume.medium.law == Law::Threshold),
@@ -149,9 +157,12 @@ fn shines(rgb: [f32; 3]) -> bool {
     rgb.iter().any(|x| *x > 0.0)
 }
 
-fn scene_data(scene: &Scene, volume_count: usize) -> SceneData {
-    SceneData {
-        camera: camera_data(&scene.camera),
+fn scene_data(scene: &Scene) -> SceneData {
+    SceneData { camera: camera_data(&scene.camera), seed: scene.render.seed, blend: scene.render.blend.unwrap_or(0.0) }
+}
+
+fn limits_data(scene: &Scene, volume_count: usize, lamps: u32) -> LimitsData {
+    LimitsData {
         volume_count: u32::try_from(volume_count).unwrap_or(0),
         max_bounces: scene.render.max_bounces,
         background: match scene.render.background {
@@ -159,8 +170,8 @@ fn scene_data(scene: &Scene, volume_count: usize) -> SceneData {
             Background::Black => 1,
             Background::Transparent => 2,
         },
-        seed: scene.render.seed,
-        blend: scene.render.blend.unwrap_or(0.0),
+        suns: u32::from(shines(scene.light.sun.irradiance)),
+        lamps,
     }
 }
 
@@ -183,7 +194,8 @@ fn camera_data(camera: &Camera) -> CameraData {
     }
 }
 
-fn light_data(light: &Light) -> LightData {
+/// The lights, and how many of the lamps shine.
+fn light_data(light: &Light) -> (LightData, u32) {
     let (zenith, horizon, ground) = match &light.sky {
         Sky::Constant(sky) => (sky.radiance, sky.radiance, sky.radiance),
         Sky::Gradient(sky) => (sky.radiance, sky.horizon, sky.ground),
@@ -195,16 +207,15 @@ fn light_data(light: &Light) -> LightData {
         *slot = LampData { position: lamp.position.into(), intensity: lamp.intensity.into() };
         lamp_count += 1;
     }
-    LightData {
+    let data = LightData {
         zenith: zenith.into(),
         horizon: horizon.into(),
         ground: ground.into(),
         to_sun: -Vec3::from(light.sun.direction).normalize_or(Vec3::NEG_Y),
         sun_irradiance: light.sun.irradiance.into(),
-        suns: u32::from(shines(light.sun.irradiance)),
-        lamp_count,
         lamps,
-    }
+    };
+    (data, lamp_count)
 }
 
 fn volume_data(volume: &Volume, grid: Option<&Grid>) -> VolumeData {

@@ -20,10 +20,11 @@ use crate::scene::{Display, Tonemap};
 
 /// Bytes of a suspended path.
 const PATH_BYTES: u64 = 96;
-/// Flights that a lane may begin in one dispatch: long paths go on in the next.
-const BUDGET: u32 = 256;
-/// Time that a dispatch should take, in seconds: short enough to answer a camera message between two.
-const DISPATCH_S: f32 = 0.012;
+/// Rounds of flights after which a dispatch ends: long paths go on in the next. Together with the longest flight, and with
+/// BURST steps a round, this stays below the 65535 loop iterations of Mesa's software driver.
+const BUDGET: u32 = 1000;
+/// Seconds that a dispatch should take where somebody waits for an answer between two.
+const INTERACTIVE_S: f32 = 0.012;
 /// Invocations of the noise kernel.
 const NOISE_INVOCATIONS: u32 = 4096;
 
@@ -70,6 +71,10 @@ pub struct Tracer {
     readback: Readback,
     /// Lanes of a dispatch, at most.
     lanes: u32,
+    /// Seconds that a dispatch should take.
+    dispatch_s: f32,
+    /// Workgroups wanted in a dispatch: fewer leave the adapter idle, more leave lanes idle that have finished their pixels.
+    groups: u32,
     /// Seconds that a block's sample took lately.
     pace: f32,
 }
@@ -93,8 +98,16 @@ impl Tracer {
             sums: gpu.storage("noise sums", u64::from(NOISE_INVOCATIONS) * 8)?,
             readback: Readback::default(),
             lanes,
+            groups: if gpu.is_software() { 32 } else { 1 << 14 },
+            dispatch_s: INTERACTIVE_S,
             pace: 1e-5,
         })
+    }
+
+    /// Sets how long a dispatch should take, in seconds (12 ms at first). Longer ones are up to twice as fast on software
+    /// adapters, because lanes whose paths are short go on to further samples; no GPU's watchdog likes more than a second.
+    pub fn set_dispatch_time(&mut self, seconds: f32) {
+        self.dispatch_s = seconds.clamp(0.001, 1.0);
     }
 
     /// Brings every pixel of the film to `target` samples, in dispatches of bounded length; asks `keep_going`
@@ -128,15 +141,16 @@ impl Tracer {
                 ("film", &film.pixels),
                 ("suspended", &self.suspended),
                 ("status", &self.status),
+                ("limits_in", &stage.limits),
             ],
         );
         let mut batch = plan(film);
         while film.samples < target {
             // As many samples at once as a dispatch has time for, once it holds all blocks.
             let a_round = self.pace * batch.blocks as f32;
-            let rounds = (DISPATCH_S / a_round).clamp(1.0, 64.0) as u32;
+            let rounds = (self.dispatch_s / a_round).clamp(1.0, 64.0) as u32;
             batch.target_samples = target.min(film.samples + rounds);
-            let blocks_at_once = ((DISPATCH_S / self.pace) as u32).clamp(64, self.lanes / 64);
+            let blocks_at_once = ((self.dispatch_s / self.pace) as u32).clamp(64, self.lanes / 64);
             // One pass over the picture. One that was stopped goes on at its block, or a picture that takes longer
             // than its turn would pass over finished pixels for ever.
             batch.end_block = 0;
@@ -151,7 +165,9 @@ impl Tracer {
                     if !keep_going() {
                         return Ok(false);
                     }
-                    let groups = batch.end_block - batch.first_block;
+                    let blocks = batch.end_block - batch.first_block;
+                    batch.blocks_per_group = (blocks / self.groups).max(1);
+                    let groups = blocks.div_ceil(batch.blocks_per_group);
                     gpu.write_uniform(&self.batch, &batch);
                     gpu.queue().write_buffer(&self.status, 0, &[0; 4]);
                     let begun = Instant::now();
@@ -159,7 +175,7 @@ impl Tracer {
                     kernel.dispatch(&mut encoder, &bound, groups_1d(u64::from(groups), 1));
                     let suspended = self.readback.read(&gpu, encoder, &self.status, 4, bytemuck::pod_read_unaligned::<u32>)?;
                     if batch.resume == 0 {
-                        let pace = begun.elapsed().as_secs_f32() / (groups * (batch.target_samples - film.samples)) as f32;
+                        let pace = begun.elapsed().as_secs_f32() / (blocks * (batch.target_samples - film.samples)) as f32;
                         self.pace = (0.7 * self.pace + 0.3 * pace).clamp(1e-9, 1.0);
                     }
                     if suspended == 0 {

@@ -51,7 +51,7 @@ params! {
         /// The direction that is up in the picture.
         up: [f32; 3] = [0.0, 1.0, 0.0] => { min: -1e6, max: 1e6, kind: "vector" },
         /// Full vertical angle of view.
-        fov_y: f32 = 32.0 => { title: "Field of view", unit: "°", min: 0.1, max: 179.0, slider: Some([10.0, 110.0]) },
+        fov_y: f32 = 32.0 => { title: "Field of view", unit: "°", min: 0.001, max: 179.0, slider: Some([10.0, 110.0]) },
         /// Radius of the lens; 0 is a pinhole, which has no blur.
         aperture: f32 = 0.0 => { unit: "world units", min: 0.0, max: 1e3, slider: Some([0.0, 0.1]) },
         /// Distance of the plane in focus; null: the target's.
