@@ -8,8 +8,6 @@ ARGS ?=
 
 # Software Vulkan compiles each kernel once, not in every process.
 export MESA_SHADER_CACHE_DIR := $(CURDIR)/target/mesa
-# Mesa's choice between GPUs asks a display, and complains where there is none.
-export NODEVICE_SELECT := 1
 
 .PHONY: run test test-rust test-browser test-long bench image thumbs needs needs-browser
 

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use crate::gpu::{Gpu, GpuError, Readback};
 use crate::scene::param::Place;
 use crate::scene::{File, Refusal, Scene, Source};
-use crate::sim::{self, Simulation};
+use crate::sim::{self, Agents, Simulation};
 use crate::volume::{Field, Format, Grid, Samples, cloud};
 
 /// Reads the field that a scene names; the error is a sentence that names the file and the reason.
@@ -188,6 +188,17 @@ impl World {
         match self.bodies.get_mut(volume).map(|body| &mut body.matter) {
             Some(Matter::Living(simulation)) => simulation.read(field),
             Some(Matter::Still(still)) if field == "density" || field == still.name => still.read(&self.gpu).map(Some),
+            _ => Ok(None),
+        }
+    }
+
+    /// Reads the agents of a volume's simulation back; `None` where it has none.
+    ///
+    /// # Errors
+    /// As [`World::step`].
+    pub fn read_agents(&mut self, volume: &str) -> Result<Option<Agents>, GpuError> {
+        match self.bodies.get_mut(volume).map(|body| &mut body.matter) {
+            Some(Matter::Living(simulation)) => simulation.read_agents(),
             _ => Ok(None),
         }
     }

@@ -5,7 +5,9 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use serde_json::json;
-use tyndall::export::{Provenance, write_exr, write_file, write_npy, write_nrrd, write_png};
+use tyndall::export::{
+    Attribute, Provenance, write_csv, write_exr, write_file, write_npy, write_npz, write_nrrd, write_ply, write_png, write_vtk,
+};
 use tyndall::import::{load, resolve};
 use tyndall::volume::{Field, Samples};
 
@@ -289,4 +291,79 @@ fn a_picture_without_its_pixels_is_refused() {
     assert!(write_png([0, 0], &[], &about(&scene)).is_err());
     assert!(write_exr([3, 2], &[[0.0; 4]; 5], &about(&scene)).is_err());
     assert!(write_exr([0, 7], &[], &about(&scene)).is_err());
+}
+
+/// Three particles with a position, a scalar and a quaternion, and a file of them written by `write`.
+fn particles<E: std::fmt::Debug>(write: impl Fn(&[Attribute<'_>]) -> Result<Vec<u8>, E>) -> Vec<u8> {
+    let (position, mass): (Vec<f32>, [f32; 3]) = ((0..9_u8).map(f32::from).collect(), [0.5, 1.5, 1e-9]);
+    let turned: Vec<f32> = (0..12_u8).map(|x| -f32::from(x)).collect();
+    let attributes = [
+        Attribute { name: "position", parts: 3, values: &position },
+        Attribute { name: "mass", parts: 1, values: &mass },
+        Attribute { name: "orientation", parts: 4, values: &turned },
+    ];
+    assert!(write(&attributes[1..]).is_err(), "a file without positions was written");
+    assert!(write(&[attributes[0], Attribute { values: &mass[..2], ..attributes[1] }]).is_err(), "a mass was missing");
+    write(&attributes).unwrap()
+}
+
+/// A value at a place in a file.
+fn float(bytes: &[u8], at: usize) -> [u8; 4] {
+    bytes[at..at + 4].try_into().unwrap()
+}
+
+#[test]
+fn a_csv_has_a_column_for_each_part() {
+    let text = String::from_utf8(particles(write_csv)).unwrap();
+    let header = "position_x,position_y,position_z,mass,orientation_x,orientation_y,orientation_z,orientation_w";
+    assert_eq!(text.lines().collect::<Vec<_>>()[..2], [header, "0,1,2,0.5,-0,-1,-2,-3"]);
+    assert_eq!(text.lines().last(), Some("6,7,8,0.000000001,-8,-9,-10,-11"));
+}
+
+#[test]
+fn a_ply_holds_each_particle_in_a_row() {
+    let bytes = particles(write_ply);
+    let end = b"end_header\n";
+    let start = bytes.windows(end.len()).position(|window| window == end).unwrap() + end.len();
+    let header = String::from_utf8_lossy(&bytes[..start]).replace('\n', " ");
+    assert!(
+        header.contains("element vertex 3 property float x property float y property float z property float mass "),
+        "{header}"
+    );
+    assert_eq!(bytes.len() - start, 3 * 8 * 4);
+    assert_eq!(float(&bytes, start + 32), (3.0_f32).to_le_bytes());
+    assert_eq!(float(&bytes, start + 32 + 12), (1.5_f32).to_le_bytes());
+}
+
+#[test]
+fn a_vtk_holds_points_and_fields_in_big_endian() {
+    let bytes = particles(write_vtk);
+    let after = |words: &[u8]| bytes.windows(words.len()).position(|window| window == words).unwrap() + words.len();
+    assert_eq!(float(&bytes, after(b"POINTS 3 float\n") + 4 * 8), (8.0_f32).to_be_bytes());
+    assert_eq!(i32::from_be_bytes(float(&bytes, after(b"VERTICES 3 6\n") + 4 * 5)), 2);
+    assert_eq!(float(&bytes, after(b"mass 1 3 float\n") + 4), (1.5_f32).to_be_bytes());
+    assert_eq!(float(&bytes, after(b"orientation 4 3 float\n") + 44), (-11.0_f32).to_be_bytes());
+}
+
+#[test]
+fn an_npz_is_an_archive_of_arrays() {
+    let bytes = particles(write_npz);
+    let end = bytes.len() - 22;
+    assert_eq!(bytes[end..end + 4], *b"PK\x05\x06");
+    assert_eq!(bytes[end + 10], 3, "entries");
+    let mut entry = u32::from_le_bytes(float(&bytes, end + 16)) as usize;
+    for (name, shape) in [("position.npy", "(3, 3)"), ("mass.npy", "(3,)"), ("orientation.npy", "(3, 4)")] {
+        assert_eq!(bytes[entry..entry + 4], *b"PK\x01\x02");
+        let (crc, length) =
+            (u32::from_le_bytes(float(&bytes, entry + 16)), u32::from_le_bytes(float(&bytes, entry + 20)) as usize);
+        let local = u32::from_le_bytes(float(&bytes, entry + 42)) as usize;
+        assert_eq!(bytes[entry + 46..][..name.len()], *name.as_bytes());
+        let array = &bytes[local + 30 + name.len()..][..length];
+        assert!(array.starts_with(b"\x93NUMPY") && String::from_utf8_lossy(array).contains(shape), "{name}");
+        let mut sum = flate2::Crc::new();
+        sum.update(array);
+        assert_eq!(sum.sum(), crc, "{name}");
+        entry += 46 + name.len();
+    }
+    assert_eq!(entry, end);
 }

@@ -12,8 +12,9 @@ mod render;
 mod scene;
 mod simulate;
 
+use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
-use std::process::ExitCode;
+use std::process::{self, ExitCode};
 
 use clap::{Parser, Subcommand};
 
@@ -57,6 +58,9 @@ enum Command {
 /// Runs the command line of this process.
 pub(crate) fn run() -> ExitCode {
     let cli = Cli::parse();
+    if matches!(cli.command, Command::Render(_) | Command::Simulate(_) | Command::Doctor) {
+        silence_display_layer();
+    }
     log_to_stderr();
     let done = match &cli.command {
         Command::Render(args) => render::run(args),
@@ -82,4 +86,17 @@ fn log_to_stderr() {
     let default = "off";
     let filter = tracing_subscriber::EnvFilter::try_from_default_env().unwrap_or_else(|_| default.into());
     tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
+}
+
+/// Mesa's layer that chooses between GPUs asks for a desktop, and libwayland complains on stderr where there is none. The
+/// variable that switches the layer off counts only if it was there when the process began, so it begins again.
+fn silence_display_layer() {
+    const SWITCH: &str = "NODEVICE_SELECT";
+    if std::env::var_os("XDG_RUNTIME_DIR").is_some() || std::env::var_os(SWITCH).is_some() {
+        return;
+    }
+    let mut args = std::env::args_os();
+    let (Some(name), Ok(program)) = (args.next(), std::env::current_exe()) else { return };
+    // Comes back only where it failed, and the complaint is then the lesser evil.
+    let _ = process::Command::new(program).arg0(name).args(args).env(SWITCH, "1").exec();
 }

@@ -1,8 +1,10 @@
-//! `tyndall simulate`: steps a scene's simulations and writes a field.
+//! `tyndall simulate`: steps a scene's simulations and writes a field or the particles.
 
 use std::path::{Path, PathBuf};
 
+use tyndall::export::{Attribute, ParticlesError, write_csv, write_npz, write_ply, write_vtk};
 use tyndall::gpu::{AdapterChoice, Gpu, GpuError};
+use tyndall::volume::Field;
 use tyndall::world::{World, WorldError};
 
 use super::convert::FieldFormat;
@@ -19,7 +21,8 @@ const STEPS_IN_FLIGHT: u32 = 8;
 pub(crate) struct Args {
     /// A preset's name, or a scene file.
     scene: String,
-    /// Where to write: .nrrd or .npy, indexed [z][y][x]; with --every, %04d in the name is the step.
+    /// Where to write: a field as .nrrd or .npy, indexed [z][y][x], or the particles as .npz, .csv, .ply or .vtk; with
+    /// --every, %04d in the name is the step.
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
     /// Steps to take; by default those at which the scene is at its best.
@@ -50,7 +53,7 @@ pub(crate) struct Args {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
-    let format = format(&args.output)?;
+    let format = format(args)?;
     let output = Output::new(&args.output)?;
     if args.every.is_some() != output.is_sequence() {
         return Err(Failure::usage("--every and a name with %04d need each other: out_%04d.nrrd"));
@@ -65,14 +68,11 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let gpu = Gpu::open(&args.adapter)?;
     let mut world = grow(&gpu, &chosen)?;
     let write = |world: &mut World| {
-        let fields = world.fields(&volume).join(", ");
-        let Some(name) = args.field.clone().or_else(|| world.fields(&volume).first().map(|name| (*name).to_owned())) else {
-            return Err(Failure::input(Path::new(&args.scene), &format!("volumes.{volume}"), "it has no field to write"));
+        let bytes = match format {
+            Format::Field(format) => format.write(&field(args, &volume, world)?),
+            Format::Particles(write) => particles(&volume, world, write)?,
         };
-        let Some(field) = world.read(&volume, &name)? else {
-            return Err(Failure::usage(format!("--field: the volume `{volume}` has no field `{name}`, but {fields}")));
-        };
-        output.write(world.steps(), &format.write(&field))
+        output.write(world.steps(), &bytes)
     };
     let mut progress = Progress::new(args.progress, "simulate", steps.into());
     match args.every {
@@ -113,14 +113,58 @@ fn volume(args: &Args, chosen: &Chosen) -> Result<String, Failure> {
     }
 }
 
-fn format(output: &Path) -> Result<FieldFormat, Failure> {
-    let extension = output.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_lowercase();
-    FieldFormat::of(output).ok_or_else(|| match extension.as_str() {
-        "npz" | "csv" | "ply" | "vtk" => {
-            Failure::usage(format!("{}: particles are not written yet; .nrrd and .npy hold the field", output.display()))
+/// What is written, and how.
+enum Format {
+    Field(FieldFormat),
+    Particles(fn(&[Attribute<'_>]) -> Result<Vec<u8>, ParticlesError>),
+}
+
+fn format(args: &Args) -> Result<Format, Failure> {
+    let path = &args.output;
+    if let Some(format) = FieldFormat::of(path) {
+        return Ok(Format::Field(format));
+    }
+    let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_lowercase();
+    let format = match extension.as_str() {
+        "npz" => Format::Particles(write_npz),
+        "csv" => Format::Particles(write_csv),
+        "ply" => Format::Particles(write_ply),
+        "vtk" => Format::Particles(write_vtk),
+        _ => {
+            let known = "fields are written as .nrrd and .npy, particles as .npz, .csv, .ply and .vtk";
+            return Err(Failure::usage(format!("{}: {known}", path.display())));
         }
-        _ => Failure::usage(format!("{}: fields are written as .nrrd and .npy", output.display())),
-    })
+    };
+    match args.field {
+        Some(_) => Err(Failure::usage(format!("{}: holds particles, and no --field", path.display()))),
+        None => Ok(format),
+    }
+}
+
+fn field(args: &Args, volume: &str, world: &mut World) -> Result<Field, Failure> {
+    let fields: Vec<String> = world.fields(volume).into_iter().map(str::to_owned).collect();
+    let Some(name) = args.field.as_ref().or(fields.first()) else {
+        return Err(Failure::input(Path::new(&args.scene), &format!("volumes.{volume}"), "it has no field to write"));
+    };
+    world
+        .read(volume, name)?
+        .ok_or_else(|| Failure::usage(format!("--field: the volume `{volume}` has no field `{name}`, but {}", fields.join(", "))))
+}
+
+fn particles(
+    volume: &str,
+    world: &mut World,
+    write: fn(&[Attribute<'_>]) -> Result<Vec<u8>, ParticlesError>,
+) -> Result<Vec<u8>, Failure> {
+    let Some(agents) = world.read_agents(volume)? else {
+        return Err(Failure::usage(format!("the volume `{volume}` has no particles; .nrrd and .npy hold its field")));
+    };
+    let attributes = [
+        Attribute { name: "position", parts: 3, values: agents.positions.as_flattened() },
+        Attribute { name: "heading", parts: 3, values: agents.headings.as_flattened() },
+        Attribute { name: "orientation", parts: 4, values: agents.orientations.as_flattened() },
+    ];
+    write(&attributes).map_err(Failure::limit)
 }
 
 /// Grows and reads what stands in the scene.

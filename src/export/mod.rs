@@ -1,14 +1,16 @@
-//! Files that Tyndall writes: fields as NRRD and NPY, pictures as PNG, JPEG and EXR.
+//! Files that Tyndall writes: fields as NRRD and NPY, particles as NPZ, CSV, PLY and VTK, pictures as PNG, JPEG and EXR.
 
 mod file;
 mod image;
 mod npy;
 mod nrrd;
+mod particles;
 
 pub use file::write_file;
 pub use image::{ImageError, Provenance, write_exr, write_jpg, write_png};
 pub use npy::write_npy;
 pub use nrrd::write_nrrd;
+pub use particles::{Attribute, ParticlesError, write_csv, write_npz, write_ply, write_vtk};
 
 use crate::volume::Samples;
 

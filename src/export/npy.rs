@@ -20,7 +20,7 @@ pub fn write_npy(field: &Field) -> Vec<u8> {
 }
 
 /// Magic, version and header of an array in C order; `shape` is a Python tuple.
-fn array_header(descr: &str, shape: &str) -> Vec<u8> {
+pub(super) fn array_header(descr: &str, shape: &str) -> Vec<u8> {
     let mut text = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': {shape}, }}");
     // Spaces and a line feed bring the data to a multiple of 64 bytes.
     let end = (10 + text.len() + 1).next_multiple_of(64);
