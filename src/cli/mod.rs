@@ -10,8 +10,10 @@ mod print;
 mod progress;
 mod render;
 mod scene;
+mod serve;
 mod simulate;
 
+use std::io::{self, IsTerminal};
 use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
 use std::process::{self, ExitCode};
@@ -28,6 +30,7 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
+    Serve(serve::Args),
     Render(render::Args),
     Simulate(simulate::Args),
     /// Tell what a volume file holds.
@@ -58,11 +61,12 @@ enum Command {
 /// Runs the command line of this process.
 pub(crate) fn run() -> ExitCode {
     let cli = Cli::parse();
-    if matches!(cli.command, Command::Render(_) | Command::Simulate(_) | Command::Doctor) {
+    if matches!(cli.command, Command::Serve(_) | Command::Render(_) | Command::Simulate(_) | Command::Doctor) {
         silence_display_layer();
     }
-    log_to_stderr();
+    log_to_stderr(&cli.command);
     let done = match &cli.command {
+        Command::Serve(args) => serve::run(args),
         Command::Render(args) => render::run(args),
         Command::Simulate(args) => simulate::run(args),
         Command::Info { file } => convert::info(file),
@@ -82,10 +86,10 @@ pub(crate) fn run() -> ExitCode {
 }
 
 /// A server logs what it does. Any other command speaks for itself: a refusal is one line on stderr.
-fn log_to_stderr() {
-    let default = "off";
+fn log_to_stderr(command: &Command) {
+    let default = if matches!(command, Command::Serve(_)) { "warn,tyndall=info" } else { "off" };
     let filter = tracing_subscriber::EnvFilter::try_from_default_env().unwrap_or_else(|_| default.into());
-    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
+    tracing_subscriber::fmt().with_env_filter(filter).with_writer(io::stderr).with_ansi(io::stderr().is_terminal()).init();
 }
 
 /// Mesa's layer that chooses between GPUs asks for a desktop, and libwayland complains on stderr where there is none. The

@@ -119,8 +119,14 @@ impl AdapterChoice {
 }
 
 fn adapters() -> Vec<wgpu::Adapter> {
-    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
-    pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()))
+    // GL is asked only where nothing else answers: it is slower, and complains where there is no display.
+    let found = |backends| {
+        let given = wgpu::InstanceDescriptor::new_without_display_handle_from_env();
+        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor { backends, ..given });
+        pollster::block_on(instance.enumerate_adapters(backends))
+    };
+    let first = found(wgpu::Backends::PRIMARY);
+    if first.is_empty() { found(wgpu::Backends::GL) } else { first }
 }
 
 /// Every adapter of this machine with its limits.

@@ -76,7 +76,7 @@ params! {
 }
 
 params! {
-    /// p_world = T·Rz·Ry·Rx·S·p.
+    /// Point in the world = T·Rz·Ry·Rx·S·point in the box.
     pub struct Transform {
         /// Moved by.
         translate: [f32; 3] = [0.0; 3] => { unit: "world units", min: -1e6, max: 1e6, kind: "vector" },

@@ -70,7 +70,7 @@ impl History {
         let mut document = self.document.clone();
         merge_patch(&mut document, patch);
         let before = self.document.clone();
-        self.replace(document)?;
+        self.replace(&document)?;
         if self.gesture.as_ref().is_some_and(|open| Some(open.name.as_str()) != gesture) {
             self.close_gesture();
         }
@@ -92,7 +92,7 @@ impl History {
     pub fn put(&mut self, document: &Value) -> Result<Change, Refusal> {
         self.close_gesture();
         let before = self.document.clone();
-        self.replace(document.clone())?;
+        self.replace(document)?;
         self.remember(&before);
         let patch = diff(&before, &self.document).unwrap_or_else(|| json!({}));
         Ok(Change { revision: self.revision, patch })
@@ -106,7 +106,7 @@ impl History {
         let patch = json!({"camera": camera});
         let mut document = self.document.clone();
         merge_patch(&mut document, &patch);
-        self.replace(document)?;
+        self.replace(&document)?;
         Ok(Change { revision: self.revision, patch })
     }
 
@@ -133,13 +133,13 @@ impl History {
         let before = self.document.clone();
         let mut document = before.clone();
         merge_patch(&mut document, &step);
-        self.replace(document).ok()?;
+        self.replace(&document).ok()?;
         let back = diff(&self.document, &before).unwrap_or_else(|| json!({}));
         Some((Change { revision: self.revision, patch: step }, back))
     }
 
-    fn replace(&mut self, document: Value) -> Result<(), Refusal> {
-        let scene = Scene::from_json(&document)?;
+    fn replace(&mut self, document: &Value) -> Result<(), Refusal> {
+        let scene = Scene::from_json(document)?;
         self.document = scene.to_json();
         self.scene = scene;
         self.revision = self.revision.wrapping_add(1);

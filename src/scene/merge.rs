@@ -56,8 +56,8 @@ mod tests {
 
     use super::*;
 
-    fn merged(mut target: Value, patch: Value) -> Value {
-        merge_patch(&mut target, &patch);
+    fn merged(mut target: Value, patch: &Value) -> Value {
+        merge_patch(&mut target, patch);
         target
     }
 
@@ -81,14 +81,14 @@ mod tests {
             (json!({}), json!({"a":{"bb":{"ccc":null}}}), json!({"a":{"bb":{}}})),
         ];
         for (target, patch, expected) in cases {
-            assert_eq!(merged(target.clone(), patch.clone()), expected, "{target} + {patch}");
+            assert_eq!(merged(target.clone(), &patch), expected, "{target} + {patch}");
         }
     }
 
     #[test]
     fn another_type_drops_the_old_types_keys() {
         let old = json!({"phase": {"type": "hg", "g": 0.5}, "sigma_t": 3});
-        let new = merged(old, json!({"phase": {"type": "drift", "weight": 0.2}}));
+        let new = merged(old, &json!({"phase": {"type": "drift", "weight": 0.2}}));
         assert_eq!(new, json!({"phase": {"type": "drift", "weight": 0.2}, "sigma_t": 3}));
     }
 
@@ -96,8 +96,8 @@ mod tests {
     fn a_diff_applied_gives_the_other_document() {
         let a = json!({"x": {"type": "hg", "g": 0.5}, "list": [1, 2], "gone": {"k": 1}, "same": 1});
         let b = json!({"x": {"type": "drift"}, "list": [1, 3], "same": 1, "new": {"k": 2}});
-        assert_eq!(merged(a.clone(), diff(&a, &b).unwrap_or_default()), b);
-        assert_eq!(merged(b.clone(), diff(&b, &a).unwrap_or_default()), a);
+        assert_eq!(merged(a.clone(), &diff(&a, &b).unwrap_or_default()), b);
+        assert_eq!(merged(b.clone(), &diff(&b, &a).unwrap_or_default()), a);
         assert_eq!(diff(&a, &a), None);
     }
 }

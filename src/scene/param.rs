@@ -33,6 +33,7 @@ impl<'a> Place<'a> {
     pub const ROOT: Place<'static> = Place { parent: None, key: "" };
 
     /// The value of `key` in the object at this place.
+    #[must_use]
     pub fn key(&'a self, key: &'a str) -> Place<'a> {
         Place { parent: Some(self), key }
     }
