@@ -8,8 +8,16 @@
 /** Milliseconds for which a measured latency is worth telling. */
 const FRESH = 3000;
 
-/** Shortest decimals that a 32-bit float can tell apart. @param {number} x */
-const short = (x) => Number(x.toPrecision(9));
+/** The shortest decimal that a 32-bit float reads back, which is how the server writes it to others. @param {number} x */
+export function short(x) {
+  const float = Math.fround(x);
+  for (let digits = 6; digits < 9; digits += 1) {
+    const decimal = Number(float.toPrecision(digits));
+    if (Math.fround(decimal) === float) return decimal;
+  }
+  return Number(float.toPrecision(9));
+}
+
 /** @param {readonly number[]} v @returns {Vec3} */
 const shortVec = (v) => [short(v[0] ?? 0), short(v[1] ?? 0), short(v[2] ?? 0)];
 
@@ -49,7 +57,7 @@ export class Rig {
   #flush() {
     this.#pending = 0;
     const { position, target, up, fov_y } = this.view;
-    const camera = { position: shortVec(position), target: shortVec(target), up: shortVec(up), fov_y };
+    const camera = { position: shortVec(position), target: shortVec(target), up: shortVec(up), fov_y: short(fov_y) };
     this.#seq += 1;
     if (this.send({ type: "camera", seq: this.#seq, ...camera })) this.#sent.set(this.#seq, performance.now());
     this.moved(camera);

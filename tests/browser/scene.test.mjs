@@ -5,6 +5,7 @@ import { Edits } from "../../static/edits.js";
 import { readHeader } from "../../static/frame.js";
 import { pack, unpack } from "../../static/link.js";
 import { fromSlider, sliderOf, toSlider } from "../../static/numbers.js";
+import { short } from "../../static/rig.js";
 import { compact, compactScene, complete, joinPatches, mergePatch, patchFor } from "../../static/scene.js";
 
 const number = (value) => ({ type: "number", default: value });
@@ -106,6 +107,13 @@ test("a frame's header is read as it was written", () => {
   });
   assert.throws(() => readHeader(new ArrayBuffer(12)), /12 bytes/);
   assert.throws(() => readHeader(new ArrayBuffer(64)), /version 0/);
+});
+
+test("a camera is sent in the decimals that a 32-bit float needs", () => {
+  assert.equal(short(1.30208198), 1.302082);
+  assert.equal(short(0.1), 0.1);
+  assert.equal(short(1e-4 / 3), 3.3333334e-5);
+  for (const x of [Math.PI, -1 / 3, 1.7232921, 16777217]) assert.equal(Math.fround(short(x)), Math.fround(x));
 });
 
 test("a colour field shows sRGB and gives linear light back", () => {
