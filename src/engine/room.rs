@@ -283,6 +283,7 @@ impl Room {
                 self.next_step = Instant::now();
                 self.stale = true;
                 self.touch();
+                self.tell();
                 Ok(())
             }
             Control::Undo => self.change(by, tools, |history| Ok(history.undo())).map(|_| ()),

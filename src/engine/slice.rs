@@ -134,6 +134,7 @@ impl Room {
                     break;
                 }
             } else if let Some(done) = self.stepping.pop_front() {
+                self.tell();
                 let _ = done.reply.send(Ok(()));
             }
         }

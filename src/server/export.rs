@@ -37,7 +37,7 @@ pub(super) async fn field(State(app): State<App>, Path(id): Path<String>, uri: U
         }
     };
     let field = session.export(volume, name).await?;
-    let file = format!("attachment; filename=\"{}-{}.{format}\"", plain(volume), plain(&field.name));
+    let file = format!("attachment; filename=\"{}-{}.{format}\"", plain(volume), plain(name));
     let bytes = tokio::task::spawn_blocking(move || write(&field)).await.map_err(|panic| {
         tracing::error!(%panic, "a field could not be written");
         Problem::new(StatusCode::INTERNAL_SERVER_ERROR, "internal", "the field could not be written")

@@ -19,11 +19,7 @@ pub(super) async fn guard(State(app): State<App>, request: Request, next: Next) 
     let response = match admit(&app, &request) {
         Err(problem) => problem.into_response(),
         Ok(()) if is_preflight(&app, &request) => StatusCode::NO_CONTENT.into_response(),
-        Ok(()) => AssertUnwindSafe(next.run(request)).catch_unwind().await.unwrap_or_else(|_| {
-            tracing::error!(%method, path, "a handler panicked");
-            Problem::new(StatusCode::INTERNAL_SERVER_ERROR, "internal", "the server made a mistake; its log says more")
-                .into_response()
-        }),
+        Ok(()) => caught(next.run(request)).await,
     };
     let class = match response.status().as_u16() {
         100..=199 => "1xx",
@@ -36,6 +32,15 @@ pub(super) async fn guard(State(app): State<App>, request: Request, next: Next) 
     // The query stays out of the log: it may hold the token.
     tracing::debug!(%method, path, status = response.status().as_u16(), "answered");
     dress(&app, &headers, response)
+}
+
+/// A panic in a handler is a bug, and must not be more than that one request's.
+async fn caught(handler: impl Future<Output = Response>) -> Response {
+    AssertUnwindSafe(handler).catch_unwind().await.unwrap_or_else(|_| {
+        tracing::error!("a handler panicked");
+        Problem::new(StatusCode::INTERNAL_SERVER_ERROR, "internal", "the server made a mistake; its log says more")
+            .into_response()
+    })
 }
 
 /// Whether the request may be answered at all; only paths under `/api` are guarded.
@@ -104,4 +109,16 @@ fn content_policy(app: &App, request: &HeaderMap) -> String {
         "default-src 'self'; img-src 'self' blob: data:; worker-src 'self' blob:; connect-src 'self'{sockets}; \
          object-src 'none'; base-uri 'self'; form-action 'self'; frame-ancestors 'self'{frames}"
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[tokio::test]
+    async fn a_handler_that_panics_answers_500() {
+        let response = caught(async { panic!("a bug") }).await;
+        assert_eq!(response.status(), 500);
+        assert_eq!(response.headers()[header::CONTENT_TYPE], "application/problem+json");
+    }
 }

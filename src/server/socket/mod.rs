@@ -11,7 +11,7 @@ mod reply;
 mod writer;
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use axum::extract::ws::rejection::WebSocketUpgradeRejection;
@@ -20,7 +20,7 @@ use axum::extract::{Extension, Path, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use futures_util::StreamExt;
-use tokio::sync::{Notify, mpsc};
+use tokio::sync::{Notify, Semaphore, mpsc};
 
 use self::message::{Hello, Message};
 use super::listener::Slot;
@@ -40,6 +40,8 @@ const MAX_READ: usize = 4 << 20;
 const READ_BUFFER: usize = 8 << 10;
 /// Replies that wait for the writer; when there are more, reading waits.
 const REPLIES: usize = 16;
+/// Messages of a client that ask for steps and may be under way.
+const STEPPING: usize = 4;
 /// Time that a client has to answer a close.
 const GOODBYE: Duration = Duration::from_secs(2);
 
@@ -52,6 +54,8 @@ enum End {
     Slow,
     /// It is told why.
     Close(u16, &'static str),
+    /// It is told why; nothing more of it can be read.
+    Broken(u16, &'static str),
 }
 
 /// What both loops of a connection know.
@@ -66,6 +70,8 @@ struct Client {
     resend: AtomicBool,
     /// Messages received, of any kind: a sign of life.
     heard: AtomicU64,
+    /// Places for steps that were asked for and are not all taken.
+    steps: Arc<Semaphore>,
     /// Wakes the writer when there is credit, or a wish.
     wake: Notify,
 }
@@ -146,7 +152,10 @@ async fn run(app: App, session: Session, mut socket: WebSocket) {
         End::Slow => {
             app.metrics.slow_clients.inc();
         }
-        End::Close(code, reason) => say_goodbye(socket, code, reason).await,
+        End::Close(code, reason) => {
+            say_goodbye(socket, code, reason, async |socket| while let Some(Ok(_)) = socket.recv().await {}).await;
+        }
+        End::Broken(code, reason) => say_goodbye(socket, code, reason, async |_| std::future::pending().await).await,
     }
 }
 
@@ -174,6 +183,7 @@ async fn greet(app: &App, socket: &mut WebSocket) -> Result<Hello, End> {
 async fn stream(app: &App, session: Session, hello: Hello, socket: &mut WebSocket) -> End {
     let id = app.next_client();
     let seat = app.rooms.enter(session.clone(), id, hello.role);
+    session.attach(id).await;
     if let Some(size) = hello.size.filter(|_| seat.may_resize()) {
         session.resize(id, size).await;
     }
@@ -186,6 +196,7 @@ async fn stream(app: &App, session: Session, hello: Hello, socket: &mut WebSocke
         credit: Mutex::default(),
         resend: AtomicBool::new(false),
         heard: AtomicU64::new(0),
+        steps: Arc::new(Semaphore::new(STEPPING)),
         wake: Notify::new(),
     };
     let (sink, source) = socket.split();
@@ -202,13 +213,13 @@ async fn gone<T>(pictures: &mut tokio::sync::watch::Receiver<T>) {
     while pictures.changed().await.is_ok() {}
 }
 
-/// Sends a close and waits for its answer, throwing away what still comes: closing over unread bytes would reset the
-/// connection, and the client would never see why.
-async fn say_goodbye(mut socket: WebSocket, code: u16, reason: &'static str) {
+/// Sends a close and waits for the client to answer it: ending the connection over bytes that were not read resets it, and
+/// the client might never see why.
+async fn say_goodbye(mut socket: WebSocket, code: u16, reason: &'static str, answered: impl AsyncFnOnce(&mut WebSocket)) {
     let close = Frame::Close(Some(CloseFrame { code, reason: Utf8Bytes::from_static(reason) }));
     let goodbye = async {
         if socket.send(close).await.is_ok() {
-            while let Some(Ok(_)) = socket.recv().await {}
+            answered(&mut socket).await;
         }
     };
     if tokio::time::timeout(GOODBYE, goodbye).await.is_err() {

@@ -1,5 +1,6 @@
 //! Reads a client's messages and does what they say.
 
+use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 
@@ -10,6 +11,7 @@ use tokio::sync::mpsc;
 
 use super::message::Message;
 use super::{Client, End, MAX_MESSAGE, refused, reply};
+use crate::engine::Control;
 use crate::scene::Refusal;
 use crate::server::metrics::CodeLabel;
 use crate::server::rooms::Role;
@@ -65,11 +67,11 @@ fn broken(error: &axum::Error) -> End {
     let words = error.to_string();
     tracing::debug!(words, "a socket broke");
     if words.contains("too long") {
-        End::Close(close_code::SIZE, "a message may have 65536 bytes")
+        End::Broken(close_code::SIZE, "a message may have 65536 bytes")
     } else if words.contains("UTF-8") {
-        End::Close(close_code::INVALID, "a text is not UTF-8")
+        End::Broken(close_code::INVALID, "a text is not UTF-8")
     } else if words.contains("protocol") {
-        End::Close(close_code::PROTOCOL, "this is not the WebSocket protocol")
+        End::Broken(close_code::PROTOCOL, "this is not the WebSocket protocol")
     } else {
         End::Left
     }
@@ -87,6 +89,7 @@ pub(super) async fn read(client: &Client, mut source: SplitStream<&mut WebSocket
         client.hear();
         let done = match message {
             None => Ok(()),
+            Some(Ok(Message::Control(Control::Step(steps)))) => step(client, steps, &replies),
             Some(Ok(message)) => obey(client, message).await,
             Some(Err(refusal)) => Err(refusal),
         };
@@ -97,6 +100,21 @@ pub(super) async fn read(client: &Client, mut source: SplitStream<&mut WebSocket
             }
         }
     }
+}
+
+/// Has steps taken and does not wait for them: the camera moves meanwhile.
+fn step(client: &Client, steps: u32, replies: &mpsc::Sender<String>) -> Result<(), Refusal> {
+    client.seat.may_change().map_err(|(code, text)| refused(code, text))?;
+    let permit = Arc::clone(&client.steps).try_acquire_owned();
+    let permit = permit.map_err(|_| refused("busy", "steps that were asked for are still being taken"))?;
+    let (session, id, replies) = (client.session.clone(), client.id, replies.clone());
+    tokio::spawn(async move {
+        let _permit = permit;
+        if let Err(error) = session.control(id, Control::Step(steps)).await {
+            let _ = replies.send(reply::error(&reply::refusal(error))).await;
+        }
+    });
+    Ok(())
 }
 
 async fn obey(client: &Client, message: Message) -> Result<(), Refusal> {

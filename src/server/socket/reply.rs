@@ -32,9 +32,10 @@ impl Welcome<'_> {
     }
 }
 
-/// A change of the scene.
-pub(super) fn patch(change: &Change, by: ClientId) -> String {
-    json!({"type": "patch", "rev": change.revision, "by": name(by), "patch": change.patch}).to_string()
+/// A change of the scene. Nobody alone made a camera message by 0: several clients moved at once.
+fn patch(change: &Change, by: ClientId, camera: bool) -> String {
+    let by = (by != 0 || !camera).then(|| name(by));
+    json!({"type": "patch", "rev": change.revision, "by": by, "patch": change.patch}).to_string()
 }
 
 /// How the session and this client's stream fare.
@@ -68,7 +69,7 @@ pub(super) fn control(holder: Option<ClientId>, me: ClientId) -> String {
 pub(super) fn event(event: &Event, me: ClientId, known: u32) -> Option<String> {
     match event {
         Event::Patched { camera: true, by, .. } if *by == me => None,
-        Event::Patched { change, by, .. } => is_later(change.revision, known).then(|| patch(change, *by)),
+        Event::Patched { change, by, camera } => is_later(change.revision, known).then(|| patch(change, *by, *camera)),
         Event::Notice { level, code, text } => Some(notice(level, code, text)),
         Event::Refused(client, refusal) => (*client == me).then(|| error(refusal)),
         Event::Stats(_) => None,
@@ -117,6 +118,8 @@ mod tests {
         assert_eq!(text, r#"{"type":"patch","rev":8,"by":"3","patch":{"a":1}}"#);
         assert!(event(&patched(8, 3, true), 3, 7).is_none());
         assert!(event(&patched(8, 4, true), 3, 7).is_some());
+        assert_eq!(event(&patched(8, 0, true), 3, 7).unwrap(), r#"{"type":"patch","rev":8,"by":null,"patch":{"a":1}}"#);
+        assert_eq!(event(&patched(8, 0, false), 3, 7).unwrap(), r#"{"type":"patch","rev":8,"by":"api","patch":{"a":1}}"#);
     }
 
     #[test]

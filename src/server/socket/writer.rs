@@ -34,6 +34,8 @@ struct Writer<'a> {
     known: u32,
     /// The newest of the client's camera messages shown so far.
     seq: u32,
+    /// The last picture sent, if it was final.
+    last_final: Option<Arc<Picture>>,
     /// Bytes of frames sent since the last stats.
     bytes: usize,
     since: Instant,
@@ -52,6 +54,7 @@ pub(super) async fn write<'a>(client: &'a Client, sink: Sink<'a>, mut replies: m
         holder: client.seat.holder(),
         known: 0,
         seq: 0,
+        last_final: None,
         bytes: 0,
         since: Instant::now(),
         encode_us: 0,
@@ -161,6 +164,12 @@ impl Writer<'_> {
             return Ok(());
         }
         let Some(picture) = self.pictures.borrow_and_update().clone() else { return Ok(()) };
+        let seen = picture.seen.iter().find(|(client, _)| *client == self.client.id);
+        let seq = seen.map_or(self.seq, |(_, seq)| *seq);
+        // A final picture may be made again because another client came.
+        if !wanted && seq == self.seq && self.last_final.as_ref().is_some_and(|last| is_same(last, &picture)) {
+            return Ok(());
+        }
         let hello = &self.client.hello;
         let codec = if picture.converged && hello.png { Codec::Png } else { hello.codec };
         let encoded = match picture.encoded(codec).await {
@@ -171,8 +180,8 @@ impl Writer<'_> {
             }
         };
         let Some(frame) = self.client.credit().take() else { return Ok(()) };
-        let seen = picture.seen.iter().find(|(client, _)| *client == self.client.id);
-        self.seq = seen.map_or(self.seq, |(_, seq)| *seq);
+        self.seq = seq;
+        self.last_final = picture.converged.then(|| Arc::clone(&picture));
         let header = FrameHeader {
             codec,
             flags: FLAG_KEY
@@ -214,6 +223,11 @@ impl Writer<'_> {
         let patience = self.client.app.config.timing.send + more;
         within(patience, self.sink.send(message)).await
     }
+}
+
+/// Whether two final pictures show the same.
+fn is_same(a: &Picture, b: &Picture) -> bool {
+    b.converged && a.revision == b.revision && a.spp == b.spp && a.size == b.size && a.pixels == b.pixels
 }
 
 async fn within(patience: Duration, sending: impl Future<Output = Result<(), axum::Error>>) -> Result<(), End> {
