@@ -209,8 +209,9 @@ async fn who_does_not_read_is_dropped_and_slows_nobody() {
     let session = server.session(&growing()).await;
     let mut stuck = Client::join(server.address, session.id()).await;
     let mut lively = Client::join(server.address, session.id()).await;
-    // Every refusal and patch is an answer that is not read; acknowledgements keep pictures coming as well.
-    let long = json!({"type": "patch", "patch": {"about": {"description": "x".repeat(4000)}}});
+    // Some 60 kB that change nothing, and are told to every client; acknowledgements keep pictures coming as well.
+    let nothing: serde_json::Map<_, _> = (0..900).map(|i| (format!("{i:064}"), serde_json::Value::Null)).collect();
+    let long = json!({"type": "patch", "patch": {"volumes": nothing}});
     let flood = async {
         for frame in 0_u32.. {
             use futures_util::SinkExt;
