@@ -25,7 +25,7 @@ test-rust: needs
 
 test-browser: needs needs-browser
 	cargo build
-	cd tests/browser && npm ci --no-audit --no-fund && npm test
+	cd tests/browser && npm ci --no-audit --no-fund && npm run check && npm test
 
 # The same tests with more rounds where chance is involved, in release.
 test-long: needs
