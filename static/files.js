@@ -1,6 +1,6 @@
 // @ts-check
 // What leaves the page as a file, and scenes that come as one.
-import { Problem, putScene, request, session, sessionAddress } from "./api.js";
+import { Problem, request, session, sessionAddress } from "./api.js";
 import { byId, download, h } from "./dom.js";
 import { toast } from "./notices.js";
 
@@ -48,16 +48,18 @@ export async function exportVolume(volume, format) {
   }
 }
 
-/** Opens scene files from the picker and from drag and drop. @param {HTMLInputElement} input */
-export function acceptScenes(input) {
+/**
+ * Opens scene files from the picker and from drag and drop.
+ * @param {HTMLInputElement} input @param {(scene: import("./protocol.js").JsonObject) => Promise<boolean>} replace
+ */
+export function acceptScenes(input, replace) {
   /** @param {File | undefined} file */
   const open = async (file) => {
     if (!file) return;
     try {
-      await putScene(JSON.parse(await file.text()));
-      toast(`${file.name} is open.`);
+      if (await replace(JSON.parse(await file.text()))) toast(`${file.name} is open.`);
     } catch (error) {
-      complain(error instanceof SyntaxError ? new Error(`${file.name} is not JSON: ${error.message}`) : error);
+      complain(new Error(`${file.name} is not JSON: ${error instanceof Error ? error.message : error}`));
     }
   };
   input.addEventListener("change", () => {

@@ -139,14 +139,21 @@ async function prepare() {
   }
 }
 
-/** Puts a whole document in the place of the scene; Home is where it looks from. @param {JsonObject} document */
+/**
+ * Puts a whole document in the place of the scene; Home is where it looks from.
+ * @param {JsonObject} document @returns {Promise<boolean>} whether the server took it
+ */
 async function replace(document) {
   try {
     await putScene(document);
-    rig.home = /** @type {any} */ (complete(schema.properties?.camera ?? {}, document.camera));
   } catch (error) {
     complain(error);
+    return false;
   }
+  rig.home = /** @type {any} */ (complete(schema.properties?.camera ?? {}, document.camera));
+  // A simulation that starts anew and stands still would be an empty picture.
+  if (!playing) command("play");
+  return true;
 }
 
 /** Opens the scene that the address names after `#s=`. */
@@ -199,7 +206,7 @@ function welcome(message) {
   if (!kept) rig.home = rig.view;
   if (kept && returning && message.rev < before && role === "control") {
     // The server has started anew and forgotten; this page has not.
-    replace(/** @type {any} */ (kept)).then(() => toast("The server had started again: the scene is restored."));
+    replace(/** @type {any} */ (kept)).then((done) => done && toast("The server had started again: the scene is restored."));
   }
   returning = false;
 }
@@ -336,7 +343,7 @@ setInterval(() => scene && status.show({ picture, stats, target: scene.render.sp
 makeTabs(byId("tabs", HTMLElement));
 showHints(byId("tabs", HTMLElement).parentElement ?? document.body);
 offerStills(byId("still", HTMLFormElement));
-acceptScenes(byId("file", HTMLInputElement));
+acceptScenes(byId("file", HTMLInputElement), replace);
 socket.connect();
 
 /** What tests and curious people may look at. */

@@ -15,7 +15,7 @@ function hueOf(name) {
 
 /**
  * @param {{strip: HTMLElement, select: HTMLSelectElement}} places
- * @param {(scene: import("./protocol.js").JsonObject) => Promise<void>} choose
+ * @param {(scene: import("./protocol.js").JsonObject) => Promise<unknown>} choose
  * @returns {Promise<{mark(title: string): void}>}
  */
 export async function showPresets({ strip, select }, choose) {
