@@ -20,7 +20,7 @@ test: test-rust test-browser
 test-rust: needs
 	cargo fmt --check
 	cargo clippy --all-targets -- -D warnings
-	RUSTDOCFLAGS='-D warnings' cargo doc --no-deps
+	RUSTDOCFLAGS='-D warnings' cargo doc --no-deps --document-private-items
 	cargo test
 
 test-browser: needs needs-browser

@@ -1,4 +1,4 @@
-//! NPY, version 1: indexed [z][y][x] in C order, which is x fastest.
+//! NPY, version 1: indexed `[z][y][x]` in C order, which is x fastest.
 //! <https://numpy.org/doc/stable/reference/generated/numpy.lib.format.html>
 
 use super::append_samples;

@@ -200,6 +200,12 @@ fn voxels(size: [u32; 3]) -> u64 {
 }
 
 #[cfg(test)]
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_precision_loss,
+    clippy::cast_sign_loss,
+    reason = "a test's counts and sizes are small"
+)]
 mod tests {
     use std::sync::LazyLock;
 

@@ -8,7 +8,7 @@ use super::query::Params;
 use super::{App, Problem};
 use crate::export::{write_npy, write_nrrd};
 
-/// A volume's field as it is now, indexed [z][y][x], in its own type.
+/// A volume's field as it is now, indexed `[z][y][x]`, in its own type.
 #[utoipa::path(
     get, path = "/api/v1/sessions/{id}/export", tag = "pictures",
     params(

@@ -55,15 +55,15 @@ impl Picture {
 
 /// Renders a scene whose volumes need no grid.
 pub fn render(scene: &Value, size: [u32; 2], spp: u32) -> Picture {
-    render_with(scene, size, spp, BTreeMap::new())
+    render_with(scene, size, spp, &BTreeMap::new())
 }
 
 /// Renders a scene with these grids in the place of its sources.
-pub fn render_with(scene: &Value, size: [u32; 2], spp: u32, grids: BTreeMap<String, Grid>) -> Picture {
+pub fn render_with(scene: &Value, size: [u32; 2], spp: u32, grids: &BTreeMap<String, Grid>) -> Picture {
     let scene = Scene::from_json(scene).expect("the test's scene is valid");
     let mut tracer = Tracer::new(gpu()).expect("tracer");
     tracer.set_dispatch_time(0.2);
-    let stage = Stage::new(gpu(), &scene, &grids).expect("stage");
+    let stage = Stage::new(gpu(), &scene, grids).expect("stage");
     let mut film = Film::new(gpu(), size, 0..size[1]).expect("film");
     assert!(tracer.sample(&mut film, &stage, spp, &mut || true).expect("samples"));
     assert_eq!(tracer.dropped(&film).expect("count"), 0, "no path may be dropped");

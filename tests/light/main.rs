@@ -1,4 +1,12 @@
 //! Light transport against closed forms, against another renderer, and against itself.
+#![expect(clippy::unwrap_used, reason = "a test that panics has failed")]
+#![expect(clippy::float_cmp, reason = "what is claimed to be equal is equal to the bit")]
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_precision_loss,
+    clippy::cast_sign_loss,
+    reason = "a test's counts and sizes are small"
+)]
 
 mod harness;
 mod phase;
@@ -57,7 +65,7 @@ fn a_white_furnace_is_white() {
                 "light": {"sky": sky(0.6), "sun": no_sun()},
                 "render": {"max_bounces": 65536}
             });
-            let picture = render_with(&scene, [32, 32], 8, BTreeMap::from([("main".to_owned(), lumps(16))]));
+            let picture = render_with(&scene, [32, 32], 8, &BTreeMap::from([("main".to_owned(), lumps(16))]));
             for pixel in &picture.radiance {
                 assert!(pixel[..3].iter().all(|x| (x - 0.6).abs() < 1e-6), "{filter} {phase}: {pixel:?}");
             }
@@ -109,7 +117,7 @@ fn the_threshold_law_draws_once_a_voxel() {
             "volumes": {"main": {"source": file(), "medium": {"law": "threshold", "sigma_t": p * f64::from(n), "albedo": [0, 0, 0]}}},
             "light": {"sky": sky(1.0), "sun": no_sun()}
         });
-        let picture = render_with(&scene, [64, 64], 64, BTreeMap::from([("main".to_owned(), grid.clone())]));
+        let picture = render_with(&scene, [64, 64], 64, &BTreeMap::from([("main".to_owned(), grid.clone())]));
         let z = mean_z(&picture, (1.0 - p).powi(12));
         assert!(z.abs() < 3.5, "p {p}: z = {z}");
     }
@@ -177,8 +185,8 @@ fn two_volumes_in_one_place_are_as_dense_as_their_sum() {
     let two = json!({"camera": camera, "light": light, "volumes": {"a": volume(8.0), "b": volume(4.0)}});
     let grid = lumps(16);
     let grids = |names: &[&str]| names.iter().map(|name| ((*name).to_owned(), grid.clone())).collect::<BTreeMap<_, _>>();
-    let one = render_with(&one, [48, 48], 128, grids(&["a"]));
-    let two = render_with(&two, [48, 48], 128, grids(&["a", "b"]));
+    let one = render_with(&one, [48, 48], 128, &grids(&["a"]));
+    let two = render_with(&two, [48, 48], 128, &grids(&["a", "b"]));
     for channel in 0..3 {
         let (a, se_a) = one.mean(channel);
         let (b, se_b) = two.mean(channel);
@@ -204,8 +212,8 @@ fn trilinear_and_nearest_agree_where_the_field_is_flat() {
     };
     let grids = || BTreeMap::from([("a".to_owned(), field.upload(gpu()).unwrap())]);
     assert_same_picture(
-        &render_with(&scene("nearest"), [32, 32], 128, grids()),
-        &render_with(&scene("trilinear"), [32, 32], 128, grids()),
+        &render_with(&scene("nearest"), [32, 32], 128, &grids()),
+        &render_with(&scene("trilinear"), [32, 32], 128, &grids()),
     );
 }
 
@@ -225,7 +233,7 @@ fn trilinear_interpolates_between_voxel_centres() {
             "volumes": {"a": {"source": file(), "medium": {"sigma_t": 2, "albedo": [0, 0, 0], "filter": "trilinear"}}},
             "light": {"sky": sky(1.0), "sun": no_sun()}
         });
-        let picture = render_with(&scene, [64, 64], 64, BTreeMap::from([("a".to_owned(), field.upload(gpu()).unwrap())]));
+        let picture = render_with(&scene, [64, 64], 64, &BTreeMap::from([("a".to_owned(), field.upload(gpu()).unwrap())]));
         let density = ((x + 0.25) * 2.0).clamp(0.0, 1.0);
         let z = mean_z(&picture, (-2.0 * density).exp());
         assert!(z.abs() < 3.5, "x = {x}: z = {z}");
@@ -278,7 +286,7 @@ fn scatter_loss_dims_by_the_local_density() {
         "light": {"sky": sky(1.0), "sun": no_sun()}
     });
     // No lot is drawn again in the voxel of a scattering, so that the path leaves after one.
-    let picture = render_with(&scene, [16, 16], 16, BTreeMap::from([("a".to_owned(), field.upload(gpu()).unwrap())]));
+    let picture = render_with(&scene, [16, 16], 16, &BTreeMap::from([("a".to_owned(), field.upload(gpu()).unwrap())]));
     for pixel in &picture.radiance {
         assert!((pixel[0] - 0.8).abs() < 1e-6, "{pixel:?}");
     }
@@ -287,7 +295,7 @@ fn scatter_loss_dims_by_the_local_density() {
 #[test]
 fn the_same_seed_gives_the_same_bytes_and_another_seed_others() {
     let scene = |seed: u32| json!({"volumes": {"a": {"source": file()}}, "render": {"seed": seed}});
-    let once = |seed| render_with(&scene(seed), [40, 24], 5, BTreeMap::from([("a".to_owned(), lumps(16))])).radiance;
+    let once = |seed| render_with(&scene(seed), [40, 24], 5, &BTreeMap::from([("a".to_owned(), lumps(16))])).radiance;
     assert_eq!(once(7), once(7));
     assert_ne!(once(7), once(8));
 }
@@ -442,7 +450,7 @@ fn a_thin_lens_is_sharp_in_its_plane_and_blurs_by_its_circle_of_confusion() {
 fn pictures_agree_with_mitsuba() {
     for name in ["cloud_iso_nearest", "absorb_cloud_nearest"] {
         let reference = reference::read(name);
-        let picture = render_with(&reference.scene, [128, 128], 64, BTreeMap::from([("main".to_owned(), reference::cloud())]));
+        let picture = render_with(&reference.scene, [128, 128], 64, &BTreeMap::from([("main".to_owned(), reference::cloud())]));
         reference.check(&picture);
     }
 }
@@ -452,7 +460,7 @@ fn an_automatic_window_follows_the_mean() {
     // Half of the voxels hold 10, half 0: mean 5; density 1 stands at twice the mean, so that light fades by e^(−sigma_t/2)
     // along a ray through as many full voxels as empty ones.
     let n = 8u32;
-    let values: Vec<u32> = (0..n * n * n).map(|i| if (i / (n * n)) % 2 == 0 { 10 } else { 0 }).collect();
+    let values: Vec<u32> = (0..n * n * n).map(|i| if (i / (n * n)).is_multiple_of(2) { 10 } else { 0 }).collect();
     let field =
         Field { name: "trail".into(), unit: "counts".into(), size: [n; 3], spacing: [1.0; 3], samples: Samples::U32(values) };
     let grid = Grid { auto: AutoWindow::Mean(2.0), ..field.upload(gpu()).unwrap() };
@@ -460,6 +468,6 @@ fn an_automatic_window_follows_the_mean() {
         "camera": along_z(), "volumes": {"a": {"source": file(), "medium": {"sigma_t": 2, "albedo": [0, 0, 0], "filter": "nearest"}}},
         "light": {"sky": sky(1.0), "sun": no_sun()}
     });
-    let z = mean_z(&render_with(&scene, [64, 64], 64, BTreeMap::from([("a".to_owned(), grid)])), (-1.0f64).exp());
+    let z = mean_z(&render_with(&scene, [64, 64], 64, &BTreeMap::from([("a".to_owned(), grid)])), (-1.0f64).exp());
     assert!(z.abs() < 3.5, "z = {z}");
 }

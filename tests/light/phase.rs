@@ -87,7 +87,7 @@ fn directions_are_drawn_by_the_phase_function() {
         for [mu, azimuth, _, length] in &drawn {
             assert!((length - 1.0).abs() < 1e-5, "kind {kind} shape {shape}: a direction of length {length}");
             counts[(((mu + 1.0) / 2.0 * BINS as f32) as usize).min(BINS - 1)] += 1.0;
-            around[(((azimuth / std::f32::consts::PI + 1.0) / 2.0 * BINS as f32) as usize).min(BINS - 1)] += 1.0;
+            around[((f32::midpoint(azimuth / std::f32::consts::PI, 1.0) * BINS as f32) as usize).min(BINS - 1)] += 1.0;
         }
         let expected: Vec<f64> = (0..BINS)
             .map(|bin| {
