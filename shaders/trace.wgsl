@@ -22,6 +22,9 @@ const BACKGROUND_TRANSPARENT: u32 = 2u;
 /// Throughput below which a path takes part in Russian roulette.
 const ROULETTE: f32 = 0.3;
 
+/// Transmittance below which a look to a light takes part in it.
+const FADE: f32 = 0.5;
+
 struct Camera {
     position: vec3f,
     forward: vec3f,
@@ -119,9 +122,9 @@ struct Status {
 @group(0) @binding(10) var<storage, read> limits_in: Limits;
 
 /// Steps of a flight before other lanes get their turn.
-const BURST: u32 = 32u;
+const BURST: u32 = 16u;
 /// Bursts after which a flight's path is dropped: where a majorant is out of all proportion, it would never end.
-const MAX_BURSTS: u32 = 512u;
+const MAX_BURSTS: u32 = 1024u;
 const COUNT_BITS: u32 = 21u;
 const COUNT_MASK: u32 = 0x1fffffu;
 
@@ -319,8 +322,8 @@ fn step_threshold() -> bool {
 
 /// Russian roulette on light that is nearly gone; false when it is.
 fn fade() -> bool {
-    if (transmittance < 0.05) {
-        transmittance = select(0.0, transmittance * 2.0, draw() < 0.5);
+    if (transmittance < FADE) {
+        transmittance = select(0.0, FADE, draw() * FADE < transmittance);
     }
     return transmittance > 0.0;
 }

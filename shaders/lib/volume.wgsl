@@ -1,7 +1,7 @@
 // What the tracer knows of a volume: where it stands, its words, and its greatest value in each cell of CELL³ voxels.
 
 /// Edge of a macrocell in voxels.
-const CELL: i32 = 8;
+const CELL: i32 = 4;
 const MAX_VOLUMES: u32 = 16u;
 
 const FORMAT_U32: u32 = 0u;

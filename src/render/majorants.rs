@@ -9,7 +9,7 @@ use crate::scene::{Volume, Window};
 use crate::volume::{AutoWindow, Format, Grid};
 
 /// Edge of a macrocell in voxels; `CELL` in `volume.wgsl`.
-pub(super) const CELL: u32 = 8;
+pub(super) const CELL: u32 = 4;
 
 #[derive(ShaderType)]
 struct CellJob {
@@ -246,7 +246,7 @@ mod tests {
         let Samples::F32(values) = &field.samples else { panic!("floats") };
         let [nx, ny, nz] = field.size.map(i64::from);
         let [cx, cy, cz] = cells(field.size).map(i64::from);
-        let near = |v: i64, c: i64| v >= c * 8 - reach && v < c * 8 + 8 + reach;
+        let near = |v: i64, c: i64| v >= c * i64::from(CELL) - reach && v < (c + 1) * i64::from(CELL) + reach;
         let mut out = Vec::new();
         for cell in 0..cx * cy * cz {
             let (i, j, k) = (cell % cx, cell / cx % cy, cell / (cx * cy));

@@ -22,7 +22,7 @@ use crate::scene::{Display, Tonemap};
 const PATH_BYTES: u64 = 96;
 /// Rounds of flights after which a dispatch ends: long paths go on in the next. Together with the longest flight, and with
 /// BURST steps a round, this stays below the 65535 loop iterations of Mesa's software driver.
-const BUDGET: u32 = 1000;
+const BUDGET: u32 = 2000;
 /// Seconds that a dispatch should take where somebody waits for an answer between two.
 const INTERACTIVE_S: f32 = 0.012;
 /// Invocations of the noise kernel.

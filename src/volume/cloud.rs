@@ -51,7 +51,7 @@ fn radii(size: u32, seed: u32) -> Vec3 {
     Vec3::new(radius(a), n / 3.0, radius(b))
 }
 
-/// Two words of a seed (Steele et al. 2014, SplitMix64).
+/// Two words of a seed (Steele et al. 2014, `SplitMix64`).
 fn draws(seed: u32) -> [u32; 2] {
     let mut z = u64::from(seed).wrapping_add(0x9E37_79B9_7F4A_7C15);
     z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
