@@ -189,6 +189,18 @@ async fn a_head_that_does_not_come_to_its_end_is_hung_up_on() {
 }
 
 #[tokio::test]
+async fn a_body_that_does_not_come_to_its_end_is_answered_408() {
+    let server = start_with(|config| config.timing.body = Duration::from_millis(200)).await;
+    let mut stream = TcpStream::connect(server.address).await.unwrap();
+    let head =
+        "POST /api/v1/sessions HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\nContent-Length: 10\r\n\r\n{";
+    stream.write_all(head.as_bytes()).await.unwrap();
+    let mut bytes = Vec::new();
+    tokio::time::timeout(PATIENCE, stream.read_to_end(&mut bytes)).await.expect("the connection stays open").unwrap();
+    assert_eq!(support::Response::parse(&bytes).problem(), (408, "late_body".to_owned()));
+}
+
+#[tokio::test]
 async fn more_connections_than_allowed_are_answered_503_and_come_back_when_others_leave() {
     let server = start_with(|config| config.max_connections = 2).await;
     let one = Client::join(server.address, "main").await;

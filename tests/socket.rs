@@ -4,7 +4,7 @@
 mod support;
 
 use futures_util::{SinkExt, StreamExt};
-use serde_json::{Value, json};
+use serde_json::json;
 use support::stream::{hello, path, upgrade};
 use support::{Client, growing, start, start_with, still_cloud};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
@@ -261,68 +261,6 @@ async fn what_is_no_websocket_message_closes_with_its_reason() {
 }
 
 #[tokio::test]
-async fn a_viewer_sees_everything_and_changes_nothing() {
-    let server = start().await;
-    let session = server.session(&growing()).await;
-    let mut control = Client::join(server.address, session.id()).await;
-    let viewer = json!({"type": "hello", "codecs": ["jpeg"], "size": [32, 32], "role": "view"});
-    let mut viewer = Client::join_as(server.address, session.id(), &viewer).await;
-    assert_eq!(viewer.welcome["role"], "view");
-    let tries = [
-        r#"{"type":"camera","seq":1,"fov_y":20}"#,
-        r#"{"type":"patch","patch":{"display":{"exposure":1}}}"#,
-        r#"{"type":"control","cmd":"pause"}"#,
-        r#"{"type":"control","cmd":"step"}"#,
-        r#"{"type":"control","cmd":"take"}"#,
-        r#"{"type":"resize","size":[48,48]}"#,
-    ];
-    for text in tries {
-        assert_eq!(viewer.refused(text).await.0, "view_only", "{text}");
-    }
-    assert_eq!((session.scene().borrow().revision, session.scene().borrow().playing), (1, true));
-    control.send(&json!({"type": "patch", "patch": {"display": {"exposure": 1}}})).await;
-    assert_eq!(viewer.text("patch").await["patch"]["display"]["exposure"], 1);
-    let [width, height] = viewer.frame().await.header.size;
-    assert_eq!(width * 48, height * 64, "the picture keeps the shape that the controlling client wants");
-    server.engine.remove(session.id()).await.unwrap();
-}
-
-#[tokio::test]
-async fn a_holder_changes_alone_until_it_lets_go_or_leaves() {
-    let server = start().await;
-    let session = server.session(&growing()).await;
-    let mut one = Client::join(server.address, session.id()).await;
-    let mut two = Client::join(server.address, session.id()).await;
-    let patch = |value: u32| json!({"type": "patch", "patch": {"display": {"exposure": value}}}).to_string();
-    one.send(&json!({"type": "control", "cmd": "take"})).await;
-    let told = two.text("control").await;
-    assert_eq!((&told["holder"], &told["you"]), (&one.welcome["client"], &json!(false)));
-    assert_eq!(one.text("control").await["you"], true);
-    for text in [patch(1).as_str(), r#"{"type":"camera","seq":1,"fov_y":20}"#, r#"{"type":"control","cmd":"pause"}"#] {
-        assert_eq!(two.refused(text).await.0, "not_holder", "{text}");
-    }
-    one.send_text(&patch(2)).await;
-    assert_eq!(two.text("patch").await["patch"]["display"]["exposure"], 2);
-    let mut late = Client::join(server.address, session.id()).await;
-    assert_eq!(late.text("control").await["holder"], one.welcome["client"]);
-    // Only the holder can let go.
-    two.send(&json!({"type": "control", "cmd": "release"})).await;
-    assert_eq!(two.refused(&patch(3)).await.0, "not_holder");
-    one.send(&json!({"type": "control", "cmd": "release"})).await;
-    assert_eq!(two.text("control").await["holder"], Value::Null);
-    two.send(&json!({"type": "control", "cmd": "take"})).await;
-    assert_eq!(
-        late.text_where(|message| message["type"] == "control" && message["holder"].is_string()).await["holder"],
-        two.welcome["client"]
-    );
-    drop(two);
-    late.text_where(|message| message["type"] == "control" && message["holder"].is_null()).await;
-    late.send_text(&patch(4)).await;
-    assert_eq!(late.text("patch").await["patch"]["display"]["exposure"], 4);
-    server.engine.remove(session.id()).await.unwrap();
-}
-
-#[tokio::test]
 async fn stats_come_with_the_streams_own_numbers() {
     let server = start().await;
     let session = server.session(&growing()).await;
@@ -337,14 +275,15 @@ async fn stats_come_with_the_streams_own_numbers() {
 }
 
 #[tokio::test]
-async fn pictures_follow_the_size_that_a_client_tells() {
+async fn the_end_of_a_session_reaches_a_client_that_does_not_acknowledge() {
     let server = start().await;
-    let session = server.session(&still_cloud(2)).await;
-    let mut client = Client::join(server.address, session.id()).await;
-    client.send(&json!({"type": "resize", "size": [40, 24]})).await;
-    let frame = client.frame_where(|header| header.flags & FLAG_FINAL != 0 && header.size == [40, 24]).await;
-    assert_eq!(image::load_from_memory(&frame.payload).unwrap().width(), 40);
+    let session = server.session(&growing()).await;
+    let mut client = Client::silent(server.address, session.id()).await;
+    client.acknowledges = false;
+    client.send(&hello()).await;
+    while client.frame().await.header.frame < u32::try_from(WINDOW).unwrap() {}
     server.engine.remove(session.id()).await.unwrap();
+    assert_eq!(client.closed().await, 1001);
 }
 
 #[tokio::test]
@@ -362,6 +301,14 @@ async fn the_end_of_a_session_and_of_the_server_are_told_apart() {
     });
     assert_eq!(stopped, ());
     assert!(TcpStream::connect(server.address).await.is_err(), "nobody listens any more");
+}
+
+#[tokio::test]
+async fn a_client_that_says_goodbye_is_answered() {
+    let server = start().await;
+    let mut client = Client::join(server.address, "main").await;
+    client.socket.close(None).await.unwrap();
+    assert_eq!(client.closed().await, 1005, "the answer to a close without a code has none");
 }
 
 #[tokio::test]

@@ -8,26 +8,23 @@ use axum::http::{HeaderMap, HeaderName, StatusCode, header};
 use futures_util::StreamExt;
 use serde_json::Value;
 
-use super::problem::Problem;
+use super::{App, Problem};
 
 /// Most bytes of a body: a scene document with room to spare.
 pub(super) const MAX_BODY: usize = 1 << 20;
 /// Bytes of a body beyond the limit that are read and thrown away, so that the refusal arrives before the connection closes.
 const MAX_DRAIN: usize = 16 << 20;
-/// Time that a body may take to arrive.
-const PATIENCE: Duration = Duration::from_secs(15);
-
 /// A body of `application/json`; an empty one is null.
 pub(super) struct Json(pub(super) Value);
 
 /// A body of `application/merge-patch+json` or `application/json`.
 pub(super) struct MergePatch(pub(super) Value);
 
-impl<S: Send + Sync> FromRequest<S> for Json {
+impl FromRequest<App> for Json {
     type Rejection = Problem;
-    async fn from_request(request: Request, _: &S) -> Result<Self, Problem> {
+    async fn from_request(request: Request, app: &App) -> Result<Self, Problem> {
         let (parts, body) = request.into_parts();
-        let bytes = read(&parts.headers, body).await?;
+        let bytes = read(&parts.headers, body, app.config.timing.body).await?;
         if bytes.is_empty() && !parts.headers.contains_key(header::CONTENT_TYPE) {
             return Ok(Self(Value::Null));
         }
@@ -36,11 +33,11 @@ impl<S: Send + Sync> FromRequest<S> for Json {
     }
 }
 
-impl<S: Send + Sync> FromRequest<S> for MergePatch {
+impl FromRequest<App> for MergePatch {
     type Rejection = Problem;
-    async fn from_request(request: Request, _: &S) -> Result<Self, Problem> {
+    async fn from_request(request: Request, app: &App) -> Result<Self, Problem> {
         let (parts, body) = request.into_parts();
-        let bytes = read(&parts.headers, body).await?;
+        let bytes = read(&parts.headers, body, app.config.timing.body).await?;
         let accept_patch = HeaderName::from_static("accept-patch");
         accept(&parts.headers, &["application/merge-patch+json", "application/json"], accept_patch)?;
         parse(&bytes).map(Self)
@@ -59,7 +56,7 @@ fn accept(headers: &HeaderMap, known: &[&'static str], answer: HeaderName) -> Re
     Err(Problem::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, "unsupported_media_type", detail).with_header(answer, known[0]))
 }
 
-async fn read(headers: &HeaderMap, body: Body) -> Result<Vec<u8>, Problem> {
+async fn read(headers: &HeaderMap, body: Body, patience: Duration) -> Result<Vec<u8>, Problem> {
     let declared = headers.get(header::CONTENT_LENGTH).and_then(|value| value.to_str().ok()?.parse::<usize>().ok());
     let gather = async {
         let mut bytes = Vec::with_capacity(declared.unwrap_or(0).min(MAX_BODY));
@@ -81,7 +78,7 @@ async fn read(headers: &HeaderMap, body: Body) -> Result<Vec<u8>, Problem> {
         Err(Problem::new(StatusCode::PAYLOAD_TOO_LARGE, "body_too_large", detail))
     };
     let late = || Problem::new(StatusCode::REQUEST_TIMEOUT, "late_body", "the body took too long to arrive");
-    tokio::time::timeout(PATIENCE, gather).await.map_err(|_| late())?
+    tokio::time::timeout(patience, gather).await.map_err(|_| late())?
 }
 
 fn parse(bytes: &[u8]) -> Result<Value, Problem> {

@@ -84,6 +84,8 @@ impl Default for ServeConfig {
 pub struct Timing {
     /// For the head of a request.
     pub header: Duration,
+    /// For the body of a request.
+    pub body: Duration,
     /// For a socket's first message, its `hello`.
     pub hello: Duration,
     /// Between two pings; a client that has sent nothing for two of them is gone.
@@ -98,6 +100,7 @@ impl Default for Timing {
     fn default() -> Self {
         Self {
             header: Duration::from_secs(5),
+            body: Duration::from_secs(15),
             hello: Duration::from_secs(10),
             ping: Duration::from_secs(20),
             send: Duration::from_secs(10),

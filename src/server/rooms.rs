@@ -31,8 +31,38 @@ impl Role {
 pub(super) struct Rooms(Mutex<HashMap<String, Room>>);
 
 struct Room {
-    members: Vec<(ClientId, Role)>,
+    /// Who told a size last stands last.
+    members: Vec<Member>,
     holder: watch::Sender<Option<ClientId>>,
+}
+
+struct Member {
+    client: ClientId,
+    role: Role,
+    size: Option<[u32; 2]>,
+}
+
+impl Room {
+    fn hold(&self, next: Option<ClientId>) {
+        self.holder.send_if_modified(|holder| std::mem::replace(holder, next) != next);
+    }
+
+    fn release(&self, client: ClientId) {
+        if *self.holder.borrow() == Some(client) {
+            self.hold(None);
+        }
+    }
+
+    /// Whose size the pictures have: the holder's, or that of the client who told one last. A viewer's counts only while
+    /// nobody controls.
+    fn shaper(&self) -> Option<(ClientId, [u32; 2])> {
+        let holder = *self.holder.borrow();
+        let controlled = self.members.iter().any(|member| member.role == Role::Control);
+        let counts = |member: &&Member| {
+            holder.is_none_or(|holder| holder == member.client) && (member.role == Role::Control || !controlled)
+        };
+        self.members.iter().rev().filter(counts).find_map(|member| Some((member.client, member.size?)))
+    }
 }
 
 /// A client's place in a room; dropping it leaves the room, gives control back and tells the session.
@@ -55,7 +85,7 @@ impl Rooms {
         let room = rooms
             .entry(session.id().to_owned())
             .or_insert_with(|| Room { members: Vec::new(), holder: watch::Sender::new(None) });
-        room.members.push((client, role));
+        room.members.push(Member { client, role, size: None });
         let holder = room.holder.subscribe();
         drop(rooms);
         Seat { rooms: Arc::clone(self), session, client, role, holder }
@@ -82,48 +112,60 @@ impl Seat {
         }
     }
 
-    /// Whether the size this client shows pictures at counts: a viewer's does only while nobody controls.
-    pub(super) fn may_resize(&self) -> bool {
-        let rooms = self.rooms.lock();
-        let others = rooms.get(self.session.id()).is_some_and(|room| room.members.iter().any(|(_, role)| *role == Role::Control));
-        self.role == Role::Control || !others
+    /// Takes note of the size that this client shows pictures at; whether it counts now.
+    pub(super) fn tell_size(&self, size: [u32; 2]) -> Result<(), (&'static str, &'static str)> {
+        let mut rooms = self.rooms.lock();
+        let Some(room) = rooms.get_mut(self.session.id()) else { return Ok(()) };
+        room.members.retain(|member| member.client != self.client);
+        room.members.push(Member { client: self.client, role: self.role, size: Some(size) });
+        match room.shaper() {
+            Some((client, _)) if client == self.client => Ok(()),
+            _ if self.role == Role::View => Err(("view_only", "a viewer's size counts only while nobody controls")),
+            _ => Err(("not_holder", "another client holds the control")),
+        }
     }
 
     /// Makes this client the holder, whoever was it before.
     pub(super) fn take(&self) {
-        self.set_holder(|_| Some(self.client));
+        if let Some(room) = self.rooms.lock().get(self.session.id()) {
+            room.hold(Some(self.client));
+        }
     }
 
     /// Gives the control back, if this client holds it.
     pub(super) fn release(&self) {
-        self.set_holder(|holder| holder.filter(|holder| *holder != self.client));
-    }
-
-    fn set_holder(&self, next: impl FnOnce(Option<ClientId>) -> Option<ClientId>) {
         if let Some(room) = self.rooms.lock().get(self.session.id()) {
-            room.holder.send_if_modified(|holder| {
-                let before = *holder;
-                *holder = next(before);
-                *holder != before
-            });
+            room.release(self.client);
         }
     }
 }
 
 impl Drop for Seat {
     fn drop(&mut self) {
-        self.release();
-        let mut rooms = self.rooms.lock();
-        if let Some(room) = rooms.get_mut(self.session.id()) {
-            room.members.retain(|(client, _)| *client != self.client);
-            if room.members.is_empty() {
-                rooms.remove(self.session.id());
-            }
-        }
-        drop(rooms);
+        let shaper = self.leave();
         let (session, client) = (self.session.clone(), self.client);
-        if let Ok(runtime) = tokio::runtime::Handle::try_current() {
-            runtime.spawn(async move { session.detach(client).await });
+        let Ok(runtime) = tokio::runtime::Handle::try_current() else { return };
+        runtime.spawn(async move {
+            session.detach(client).await;
+            if let Some((client, size)) = shaper {
+                session.resize(client, size).await;
+            }
+        });
+    }
+}
+
+impl Seat {
+    /// Leaves the room; whose size the pictures have from now on, if it was this client's.
+    fn leave(&self) -> Option<(ClientId, [u32; 2])> {
+        let mut rooms = self.rooms.lock();
+        let room = rooms.get_mut(self.session.id())?;
+        let before = room.shaper();
+        room.members.retain(|member| member.client != self.client);
+        room.release(self.client);
+        let after = room.shaper();
+        if room.members.is_empty() {
+            rooms.remove(self.session.id());
         }
+        after.filter(|_| before.is_some_and(|(client, _)| client == self.client))
     }
 }

@@ -20,7 +20,7 @@ use axum::extract::{Extension, Path, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use futures_util::StreamExt;
-use tokio::sync::{Notify, Semaphore, mpsc};
+use tokio::sync::{Notify, Semaphore, mpsc, watch};
 
 use self::message::{Hello, Message};
 use super::listener::Slot;
@@ -48,8 +48,10 @@ const GOODBYE: Duration = Duration::from_secs(2);
 /// Why a connection ends.
 #[derive(Debug)]
 enum End {
-    /// The client has left, or cannot be reached.
+    /// The client cannot be reached.
     Left,
+    /// The client has said goodbye.
+    Parted,
     /// The client does not take its messages.
     Slow,
     /// It is told why.
@@ -129,13 +131,12 @@ pub(super) async fn upgrade(
 }
 
 async fn run(app: App, session: Session, mut socket: WebSocket) {
-    let mut pictures = session.pictures();
     let greeted = tokio::select! {
         greeted = tokio::time::timeout(app.config.timing.hello, greet(&app, &mut socket)) => {
             greeted.unwrap_or(Err(End::Close(close_code::POLICY, "no hello came")))
         }
         () = app.stopped() => Err(End::Close(close_code::RESTART, "the server stops")),
-        () = gone(&mut pictures) => Err(End::Close(close_code::AWAY, "the session has ended")),
+        () = gone(session.pictures()) => Err(End::Close(close_code::AWAY, "the session has ended")),
     };
     let end = match greeted {
         Ok(hello) => {
@@ -152,10 +153,10 @@ async fn run(app: App, session: Session, mut socket: WebSocket) {
         End::Slow => {
             app.metrics.slow_clients.inc();
         }
-        End::Close(code, reason) => {
-            say_goodbye(socket, code, reason, async |socket| while let Some(Ok(_)) = socket.recv().await {}).await;
-        }
-        End::Broken(code, reason) => say_goodbye(socket, code, reason, async |_| std::future::pending().await).await,
+        // Its close is answered while the rest is read.
+        End::Parted => while_polite(drain(&mut socket)).await,
+        End::Close(code, reason) => while_polite(close(&mut socket, code, reason, drain)).await,
+        End::Broken(code, reason) => while_polite(close(&mut socket, code, reason, async |_| std::future::pending().await)).await,
     }
 }
 
@@ -184,7 +185,7 @@ async fn stream(app: &App, session: Session, hello: Hello, socket: &mut WebSocke
     let id = app.next_client();
     let seat = app.rooms.enter(session.clone(), id, hello.role);
     session.attach(id).await;
-    if let Some(size) = hello.size.filter(|_| seat.may_resize()) {
+    if let Some(size) = hello.size.filter(|size| seat.tell_size(*size).is_ok()) {
         session.resize(id, size).await;
     }
     let client = Client {
@@ -209,21 +210,27 @@ async fn stream(app: &App, session: Session, hello: Hello, socket: &mut WebSocke
 }
 
 /// Ready when the session has ended.
-async fn gone<T>(pictures: &mut tokio::sync::watch::Receiver<T>) {
+async fn gone<T>(mut pictures: watch::Receiver<T>) {
     while pictures.changed().await.is_ok() {}
 }
 
-/// Sends a close and waits for the client to answer it: ending the connection over bytes that were not read resets it, and
-/// the client might never see why.
-async fn say_goodbye(mut socket: WebSocket, code: u16, reason: &'static str, answered: impl AsyncFnOnce(&mut WebSocket)) {
+/// Sends a close and waits for what the client does about it: ending the connection over bytes that were not read resets
+/// it, and the client might never see why.
+async fn close(socket: &mut WebSocket, code: u16, reason: &'static str, answered: impl AsyncFnOnce(&mut WebSocket)) {
     let close = Frame::Close(Some(CloseFrame { code, reason: Utf8Bytes::from_static(reason) }));
-    let goodbye = async {
-        if socket.send(close).await.is_ok() {
-            answered(&mut socket).await;
-        }
-    };
+    if socket.send(close).await.is_ok() {
+        answered(socket).await;
+    }
+}
+
+/// Reads to the end and throws away what comes.
+async fn drain(socket: &mut WebSocket) {
+    while let Some(Ok(_)) = socket.recv().await {}
+}
+
+async fn while_polite(goodbye: impl Future<Output = ()>) {
     if tokio::time::timeout(GOODBYE, goodbye).await.is_err() {
-        tracing::debug!(code, "a client did not answer its close");
+        tracing::debug!("a client took too long to say goodbye");
     }
 }
 

@@ -57,7 +57,8 @@ pub(super) fn understand(received: Option<Result<Frame, axum::Error>>) -> Result
         }
         Some(Ok(Frame::Text(_) | Frame::Binary(_))) => Err(too_long),
         Some(Ok(Frame::Ping(_) | Frame::Pong(_))) => Ok(None),
-        Some(Ok(Frame::Close(_))) | None => Err(End::Left),
+        Some(Ok(Frame::Close(_))) => Err(End::Parted),
+        None => Err(End::Left),
         Some(Err(error)) => Err(broken(&error)),
     }
 }
@@ -133,9 +134,7 @@ async fn obey(client: &Client, message: Message) -> Result<(), Refusal> {
             Ok(())
         }
         Message::Resize(size) => {
-            if !client.seat.may_resize() {
-                return Err(refused("view_only", "a viewer's size counts only while nobody controls"));
-            }
+            client.seat.tell_size(size).map_err(|(code, text)| refused(code, text))?;
             client.session.resize(client.id, size).await;
             Ok(())
         }

@@ -1,6 +1,7 @@
 //! Sends a client its pictures, as far as it has credit, and what happens in its session.
 
 use std::future::Future;
+use std::pin::pin;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
@@ -78,18 +79,25 @@ impl Writer<'_> {
         let mut ping = tokio::time::interval_at(tokio::time::Instant::now() + every, every);
         ping.set_missed_tick_behavior(MissedTickBehavior::Delay);
         let mut silence = Silence::default();
+        let mut gone = pin!(super::gone(self.client.session.pictures()));
         loop {
             self.send_newest().await?;
             let has_credit = self.client.credit().is_open();
             tokio::select! {
                 reply = replies.recv() => self.text(reply.ok_or(End::Left)?).await?,
                 event = events.recv() => self.tell(event).await?,
+                () = gone.as_mut() => {
+                    // Why it ended may have been said last.
+                    while let Ok(event) = events.try_recv() {
+                        self.tell(Ok(event)).await?;
+                    }
+                    return Err(End::Close(close_code::AWAY, "the session has ended"));
+                }
                 changed = self.holder.changed() => {
                     changed.map_err(|_| End::Left)?;
                     self.tell_holder().await?;
                 }
-                changed = self.pictures.changed(), if has_credit => {
-                    changed.map_err(|_| End::Close(close_code::AWAY, "the session has ended"))?;
+                Ok(()) = self.pictures.changed(), if has_credit => {
                     // Seen only once it is sent.
                     self.pictures.mark_changed();
                 }
@@ -141,7 +149,7 @@ impl Writer<'_> {
                 tracing::debug!(missed, "a client lagged behind its session");
                 self.welcome().await
             }
-            Err(RecvError::Closed) => Err(End::Close(close_code::AWAY, "the session has ended")),
+            Err(RecvError::Closed) => Err(End::Left),
         }
     }
 
@@ -159,8 +167,7 @@ impl Writer<'_> {
             return Ok(());
         }
         let wanted = self.client.resend.swap(false, Ordering::Relaxed);
-        let changed = self.pictures.has_changed().map_err(|_| End::Close(close_code::AWAY, "the session has ended"))?;
-        if !wanted && !changed {
+        if !wanted && !self.pictures.has_changed().unwrap_or(false) {
             return Ok(());
         }
         let Some(picture) = self.pictures.borrow_and_update().clone() else { return Ok(()) };
