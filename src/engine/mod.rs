@@ -8,6 +8,7 @@
 mod films;
 mod guard;
 mod handle;
+mod orders;
 mod pace;
 mod report;
 mod room;

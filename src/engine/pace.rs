@@ -11,6 +11,9 @@ const MIN_EDGE: u32 = 16;
 /// Most samples per pixel of a moving picture.
 const MAX_SPP: u32 = 16;
 
+/// Milliseconds that a whole picture may take before smaller ones come first.
+const PATIENCE_MS: f64 = 400.0;
+
 /// Share of a picture's time that is left to rendering however long a step takes.
 const RENDER_SHARE: f64 = 0.25;
 
@@ -23,9 +26,9 @@ pub(super) struct Pace {
 }
 
 impl Pace {
-    /// Knows nothing yet but whether the adapter computes on the CPU.
+    /// Knows nothing yet but whether the adapter computes on the CPU: the first picture is the smallest, and soon there.
     pub(super) fn new(software: bool) -> Self {
-        Self { ns_per_sample: if software { 200.0 } else { 2.0 }, measured: false, step_ms: 0.0, scale: SCALES.len() / 2 }
+        Self { ns_per_sample: if software { 200.0 } else { 2.0 }, measured: false, step_ms: 0.0, scale: SCALES.len() - 1 }
     }
 
     /// Takes note of `samples` samples of one pixel each.
@@ -73,6 +76,13 @@ impl Pace {
             spp *= 2;
         }
         (scaled(full, scale), spp)
+    }
+
+    /// The size of the next picture at rest, after one of `shown`, where a whole one would be long in coming.
+    pub(super) fn rung(&self, full: [u32; 2], shown: [u32; 2]) -> Option<[u32; 2]> {
+        let next = shown.map(|edge| edge * 2);
+        let far = next[0] * 3 < full[0] * 2 && next[1] * 3 < full[1] * 2;
+        (far && self.picture_ms(full, 0) > PATIENCE_MS).then_some(next)
     }
 
     fn picture_ms(&self, full: [u32; 2], scale: usize) -> f64 {
@@ -135,6 +145,16 @@ mod tests {
         let (size, spp) = pace.choose(FULL, false, PERIOD);
         let ms = f64::from(size[0] * size[1] * spp) * 2e-6;
         assert!(spp > 1 && ms <= 16.5, "{spp} samples, {ms} ms");
+    }
+
+    #[test]
+    fn a_picture_that_takes_long_comes_by_smaller_ones() {
+        let (slow, size) = settled(20_000, 0);
+        assert_eq!(size, [160, 90]);
+        let rungs: Vec<_> = std::iter::successors(slow.rung(FULL, size), |size| slow.rung(FULL, *size)).collect();
+        assert_eq!(rungs, [[320, 180], [640, 360]]);
+        let (fast, size) = settled(100, 0);
+        assert_eq!(fast.rung(FULL, size), None);
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use std::time::{Duration, Instant};
 
+use super::Settings;
 use super::films::Which;
 use super::room::{Room, Tools, camera_in};
 use crate::gpu::GpuError;
@@ -20,16 +21,11 @@ pub(super) enum Wants {
     Nothing,
 }
 
-impl Tools<'_> {
+impl Settings {
     /// Time that a moving picture may take, with the step before it.
     pub(super) fn period(&self) -> Duration {
-        period(self.settings.fps)
+        Duration::from_secs_f32(1.0 / self.fps.clamp(0.1, 1000.0))
     }
-}
-
-/// Time between two pictures.
-pub(super) fn period(fps: f32) -> Duration {
-    Duration::from_secs_f32(1.0 / fps.clamp(0.1, 1000.0))
 }
 
 impl Room {
@@ -100,6 +96,8 @@ impl Room {
             }
         } else if self.news && self.at_rest(now) {
             self.show(Which::Full, tools)?;
+        } else if let Some(size) = self.next_rung() {
+            self.climb(size, tools)?;
         } else {
             self.accumulate(tools)?;
         }
@@ -121,7 +119,7 @@ impl Room {
         }
         self.answered = false;
         if self.stepping.is_empty() {
-            let next = self.next_step + tools.period();
+            let next = self.next_step + tools.settings.period();
             // A late step is not made up for.
             self.next_step = if next > clock { next } else { clock };
             return self.step(tools);
@@ -130,7 +128,7 @@ impl Room {
             if stepping.left > 0 && !self.world.frozen() {
                 stepping.left -= 1;
                 self.step(tools)?;
-                if clock.elapsed() >= tools.period() {
+                if clock.elapsed() >= tools.settings.period() {
                     break;
                 }
             } else if let Some(done) = self.stepping.pop_front() {
@@ -152,9 +150,7 @@ impl Room {
         self.work += took;
         self.stats.simulate_ms = took.as_secs_f32() * 1e3;
         self.stale = true;
-        self.owed = true;
-        self.settled = false;
-        self.news = false;
+        self.owe();
         Ok(())
     }
 
@@ -170,7 +166,7 @@ impl Room {
             return self.show(which, tools);
         }
         self.begun.get_or_insert_with(Instant::now);
-        let period = tools.period();
+        let period = tools.settings.period();
         let (size, spp) = self.aim.unwrap_or_else(|| {
             let (size, spp) = self.pace.choose(self.films.size(), self.runs(), period);
             // Where pictures blend, each has one sample: the weight is a sample's.
@@ -189,6 +185,33 @@ impl Room {
         if taken > 0 { self.show(which, tools) } else { Ok(()) }
     }
 
+    /// The size of the picture that comes before the full film's first sample, where that is long in coming.
+    fn next_rung(&self) -> Option<[u32; 2]> {
+        if !self.watched() || self.films.full().is_of(&self.subject) && self.films.full().taken() > 0 {
+            return None;
+        }
+        let shown = self.films.showing(&self.subject);
+        self.rung.or_else(|| shown.and_then(|(_, shown)| self.pace.rung(self.films.size(), shown.film.size())))
+    }
+
+    /// Makes a picture of one sample a pixel that is larger than the last.
+    fn climb(&mut self, size: [u32; 2], tools: &mut Tools<'_>) -> Result<(), GpuError> {
+        self.begun.get_or_insert_with(Instant::now);
+        self.rung = Some(size);
+        let (camera, waiting) = (&self.camera, tools.waiting);
+        let wanted = |served: bool| camera_in(camera) || (served && !waiting.is_empty());
+        let (which, exposure) = self.films.of_size(tools.gpu, size, &self.subject)?;
+        let took = exposure.expose(tools.tracer, &self.stage, 1, tools.settings.period(), &wanted)?;
+        let done = exposure.taken() > 0;
+        self.work += took;
+        self.stats.render_ms = took.as_secs_f32() * 1e3;
+        if done {
+            self.rung = None;
+            self.show(which, tools)?;
+        }
+        Ok(())
+    }
+
     /// Adds samples to the full film, until the next picture is due or somebody else is.
     fn accumulate(&mut self, tools: &mut Tools<'_>) -> Result<(), GpuError> {
         self.begun.get_or_insert_with(Instant::now);
@@ -201,7 +224,7 @@ impl Room {
             if noise.is_some() { milestone.min(before.saturating_add(exposure.samples_in(NOISE_EVERY))) } else { milestone };
         let (camera, waiting) = (&self.camera, tools.waiting);
         let wanted = |served: bool| camera_in(camera) || (served && !waiting.is_empty());
-        let took = exposure.expose(tools.tracer, &self.stage, goal, tools.period(), &wanted)?;
+        let took = exposure.expose(tools.tracer, &self.stage, goal, tools.settings.period(), &wanted)?;
         self.work += took;
         self.stats.render_ms = took.as_secs_f32() * 1e3;
         let taken = self.films.full().taken();

@@ -105,7 +105,7 @@ impl Room {
         }
         let (camera, waiting) = (&self.camera, tools.waiting);
         let wanted = |served: bool| served && (camera_in(camera) || !waiting.is_empty());
-        let period = tools.period();
+        let period = tools.settings.period();
         job.band.expose(tools.tracer, &job.stage, job.request.spp, period, &wanted)?;
         if job.band.taken() < job.request.spp || job.next_band(tools)? {
             self.jobs.push_front((job, reply));
