@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 use tyndall::gpu::{Gpu, GpuError};
-use tyndall::render::{Film, Stage, Subject, Tracer};
+use tyndall::render::{Film, Stage, Tracer};
 use tyndall::scene::Display;
 
 use super::progress::Progress;
@@ -42,20 +42,17 @@ impl Picture {
         self.bands.iter().map(Film::samples).min().unwrap_or(0)
     }
 
-    /// Takes on a subject, and samples it until the budget is spent. `false` where a bound on the noise was asked for and not
-    /// reached.
+    /// Takes the picture of what stands on the stage, anew, until the budget is spent. `false` where a bound on the noise was
+    /// asked for and not reached.
     pub(crate) fn expose(
         &mut self,
         tracer: &mut Tracer,
         stage: &Stage,
-        subject: &Subject,
         budget: &Budget,
         progress: &mut Progress,
     ) -> Result<bool, GpuError> {
         let begun = Instant::now();
-        for band in &mut self.bands {
-            band.depict(subject);
-        }
+        self.bands.iter_mut().for_each(Film::clear);
         let mut taken = 0;
         let spent = loop {
             let mut round = (taken / 8).max(1);

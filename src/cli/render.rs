@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use serde_json::{Value, json};
 use tyndall::export::{Provenance, write_exr, write_jpg, write_png};
 use tyndall::gpu::{AdapterChoice, Gpu};
-use tyndall::render::{Stage, Subject, Tracer};
+use tyndall::render::{Film, Stage, Tracer};
 use tyndall::scene::Scene;
 use tyndall::world::World;
 
@@ -21,6 +21,8 @@ use super::simulate;
 const MAX_EDGE: u32 = 16_384;
 /// Most samples per pixel, as in a scene document.
 const MAX_SPP: u32 = 1 << 20;
+/// Seconds that a dispatch should take: nobody waits for the next picture, and watchdogs bite at two.
+const DISPATCH_S: f32 = 0.2;
 /// Fewest samples that tell a standard error.
 const MIN_SPP_FOR_ERROR: u32 = 16;
 
@@ -182,25 +184,19 @@ struct Studio<'a> {
 
 impl<'a> Studio<'a> {
     fn new(args: &'a Args, gpu: &'a Gpu, chosen: &'a Chosen, format: Format) -> Result<Self, Failure> {
-        let begun = Instant::now();
         let scene = &chosen.scene;
+        let begun = Instant::now();
         let world = simulate::grow(gpu, chosen)?;
+        let simulate = begun.elapsed();
         let stage = Stage::new(gpu, scene, world.grids())?;
+        let mut tracer = Tracer::new(gpu)?;
+        tracer.set_dispatch_time(DISPATCH_S);
+        // The kernel is compiled at its first use, which is no part of the time that paths take.
+        tracer.sample(&mut Film::new(gpu, [8, 8], 0..8)?, &stage, 1, &mut || true)?;
         let picture = Picture::new(gpu, args.size)?;
-        Ok(Self {
-            args,
-            gpu,
-            scene,
-            document: scene.to_json(),
-            format,
-            world,
-            stage,
-            tracer: Tracer::new(gpu)?,
-            picture,
-            simulate: begun.elapsed(),
-            render: Duration::ZERO,
-            paths: 0,
-        })
+        let document = scene.to_json();
+        let (render, paths) = (Duration::ZERO, 0);
+        Ok(Self { args, gpu, scene, document, format, world, stage, tracer, picture, simulate, render, paths })
     }
 
     fn advance(&mut self, steps: u32) -> Result<(), Failure> {
@@ -216,8 +212,7 @@ impl<'a> Studio<'a> {
     fn take(&mut self, budget: &Budget) -> Result<bool, Failure> {
         let begun = Instant::now();
         let mut progress = Progress::new(self.args.progress, "render", budget.spp.into());
-        let subject = Subject::of(self.scene, self.world.grids());
-        let reached = self.picture.expose(&mut self.tracer, &self.stage, &subject, budget, &mut progress)?;
+        let reached = self.picture.expose(&mut self.tracer, &self.stage, budget, &mut progress)?;
         self.render += begun.elapsed();
         let [width, height] = self.picture.size.map(u64::from);
         self.paths += width * height * u64::from(self.picture.samples());

@@ -209,6 +209,18 @@ fn an_adapter_that_is_not_there_has_its_own_exit_code() {
 }
 
 #[test]
+fn what_does_not_fit_the_adapter_is_a_limit_told_in_numbers() {
+    let folder = folder();
+    let scene = json!({"volumes": {"main": {"source": {"type": "physarum", "size": [2048, 2048, 2048], "agents": 1}}}});
+    std::fs::write(folder.path().join("scene.json"), scene.to_string()).unwrap();
+    for out in ["out.png", "out.npy"] {
+        let command = if out == "out.png" { "render" } else { "simulate" };
+        let line = refused(folder.path(), &[command, "scene.json", "--adapter", "cpu", "-o", out], 5);
+        assert!(line.contains("bytes") && line.contains("allows"), "{line}");
+    }
+}
+
+#[test]
 fn a_server_that_does_not_answer_is_not_well() {
     let line = refused(folder().path(), &["healthcheck", "--url", "http://127.0.0.1:1"], 1);
     assert!(line.contains("http://127.0.0.1:1: "), "{line}");
