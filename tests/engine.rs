@@ -372,6 +372,34 @@ async fn with_nobody_looking_the_first_and_the_final_picture_are_all() {
 }
 
 #[tokio::test]
+async fn pictures_that_blend_go_on_and_come_to_rest() {
+    let mut scene = cloud(8);
+    scene.render.blend = Some(0.25);
+    let session = open(&ENGINE, scene).await;
+    let mut pictures = session.pictures();
+    picture(&mut pictures, |picture| picture.converged && picture.size == SIZE).await;
+    for seq in 1..5 {
+        let target = json!({"target": [0.0, 0.02 * f64::from(seq), 0.0]});
+        session.move_camera(CLIENT, seq, keys(&target)).unwrap();
+        picture(&mut pictures, |picture| picture.seen == [(CLIENT, seq)]).await;
+    }
+    let last = picture(&mut pictures, |picture| picture.converged && picture.seen == [(CLIENT, 4)]).await;
+    assert_eq!(last.spp, 8);
+}
+
+#[tokio::test]
+async fn a_lost_device_ends_the_engine_and_says_so() {
+    let gpu = Gpu::open(&AdapterChoice::Cpu).unwrap();
+    let engine = Engine::start(gpu.clone(), settings(), files()).unwrap();
+    let session = open(&engine, cloud(4)).await;
+    picture(&mut session.pictures(), |picture| picture.converged).await;
+    gpu.device().destroy();
+    session.move_camera(CLIENT, 1, keys(&json!({"fov_y": 50}))).unwrap();
+    let ended = tokio::time::timeout(Duration::from_secs(60), engine.ended()).await.unwrap();
+    assert!(matches!(&ended, Err(EngineError::Gpu(GpuError::Fault(words))) if words.contains("lost")), "{ended:?}");
+}
+
+#[tokio::test]
 async fn undo_gives_the_old_scene_and_picture_back_and_redo_the_new_one() {
     let session = open(&ENGINE, cloud(8)).await;
     let mut pictures = session.pictures();

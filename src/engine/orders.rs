@@ -22,6 +22,9 @@ const EDGES: [u32; 2] = [16, 8192];
 /// Most steps that one message may ask for, and most that may wait.
 const MAX_STEPS: u32 = 100_000;
 
+/// Most clients whose camera messages a picture names.
+const MAX_SEEN: usize = 1024;
+
 /// Most step messages that may wait.
 const MAX_WAITING: usize = 16;
 
@@ -200,6 +203,8 @@ impl Room {
                 // What two clients moved at once must reach both.
                 let by = if let [(client, _)] = seen[..] { client } else { 0 };
                 self.seen.extend(seen);
+                // A message that comes after its client's farewell would stay for ever.
+                self.seen.drain(..self.seen.len().saturating_sub(MAX_SEEN));
                 self.stale = true;
                 self.touch();
                 self.publish_scene();

@@ -35,6 +35,7 @@ impl Room {
         self.stats.spp = picture.spp;
         self.stats.size = picture.size;
         self.stats.noise = exposure.noise;
+        self.shown_at = clock;
         self.pictured_at.push_back(now);
         self.count_pictures(now);
         self.tell();
@@ -46,7 +47,7 @@ impl Room {
         }
         if converged {
             self.settled = true;
-            self.inspect(tools)?;
+            self.inspect(Which::Full, tools)?;
             self.publish_stats();
             self.stats_at = now;
         }
@@ -59,16 +60,17 @@ impl Room {
         if now - self.stats_at >= STATS_EVERY {
             self.stats_at = now;
             self.count_pictures(now);
-            self.inspect(tools)?;
+            // The small film, where there is one: every pixel is read.
+            self.inspect(Which::Swift, tools)?;
             self.publish_stats();
         }
         Ok(())
     }
 
     /// Looks for what went wrong without stopping the session.
-    fn inspect(&mut self, tools: &mut Tools<'_>) -> Result<(), GpuError> {
+    fn inspect(&mut self, which: Which, tools: &mut Tools<'_>) -> Result<(), GpuError> {
         if !self.noticed.contains(&"paths_dropped") {
-            let dropped = tools.tracer.dropped(&self.films.full().film)?;
+            let dropped = tools.tracer.dropped(&self.films.get(which).film)?;
             if dropped > 0 {
                 let text = format!("{dropped} paths were not finite and were left out of the picture");
                 self.notice_once("warning", "paths_dropped", text);

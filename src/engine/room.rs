@@ -88,6 +88,7 @@ pub(super) struct Room {
     pub(super) job_next: bool,
     pub(super) stats: Stats,
     pub(super) stats_at: Instant,
+    pub(super) shown_at: Instant,
     pub(super) pictured_at: VecDeque<Instant>,
     /// Notices that were given, each of which is given once.
     pub(super) noticed: Vec<&'static str>,
@@ -145,6 +146,7 @@ impl Room {
             job_next: false,
             stats: Stats { playing: true, ..Stats::default() },
             stats_at: now,
+            shown_at: now,
             pictured_at: VecDeque::new(),
             noticed: Vec::new(),
         };

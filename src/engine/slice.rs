@@ -30,14 +30,16 @@ impl Settings {
 
 impl Room {
     /// When this session has something to do, if no command comes first.
-    pub(super) fn wants(&self, now: Instant) -> Wants {
+    pub(super) fn wants(&self, now: Instant, settings: &Settings) -> Wants {
         let at = |due: Instant| if now >= due { Wants::Now } else { Wants::At(due) };
-        if self.urgent() || !self.stepping.is_empty() || !self.jobs.is_empty() {
+        if self.urgent(now, settings) || !self.stepping.is_empty() || !self.jobs.is_empty() {
             Wants::Now
         } else if self.runs() {
-            at(self.next_step)
+            at(if self.camera_waits() { self.next_step.min(self.next_answer(settings)) } else { self.next_step })
         } else if !self.complete() {
             Wants::Now
+        } else if self.camera_waits() {
+            at(self.next_answer(settings))
         } else if !self.settled {
             at(self.moved_at + MOTION)
         } else {
@@ -46,8 +48,13 @@ impl Room {
     }
 
     /// Whether somebody waits for a picture.
-    pub(super) fn urgent(&self) -> bool {
-        self.owed || self.camera_waits()
+    pub(super) fn urgent(&self, now: Instant, settings: &Settings) -> bool {
+        self.owed || (self.camera_waits() && now >= self.next_answer(settings))
+    }
+
+    /// When a camera message may be answered: a client that sends a thousand a second gets two pictures a period.
+    fn next_answer(&self, settings: &Settings) -> Instant {
+        self.shown_at + settings.period() / 2
     }
 
     /// Whether the simulations go on by themselves.
@@ -73,7 +80,11 @@ impl Room {
     /// # Errors
     /// A [`GpuError`] that the session does not survive.
     pub(super) fn slice(&mut self, tools: &mut Tools<'_>) -> Result<(), GpuError> {
-        let streams = self.urgent() || !self.stepping.is_empty() || self.runs() || !self.complete() || !self.settled;
+        let streams = self.urgent(Instant::now(), tools.settings)
+            || !self.stepping.is_empty()
+            || self.runs()
+            || !self.complete()
+            || !self.settled;
         if !self.jobs.is_empty() && (self.job_next || !streams) {
             self.job_next = false;
             return self.work_on_still(tools);
@@ -110,8 +121,8 @@ impl Room {
         if self.aim.is_some() && self.owed {
             return Ok(());
         }
-        let moved = self.take_camera();
         let clock = Instant::now();
+        let moved = clock >= self.next_answer(tools.settings) && self.take_camera();
         let due = !self.stepping.is_empty() || (self.runs() && clock >= self.next_step);
         if !due || (moved && self.watched() && !self.answered) {
             self.answered |= moved;
@@ -198,8 +209,9 @@ impl Room {
     fn climb(&mut self, size: [u32; 2], tools: &mut Tools<'_>) -> Result<(), GpuError> {
         self.begun.get_or_insert_with(Instant::now);
         self.rung = Some(size);
-        let (camera, waiting) = (&self.camera, tools.waiting);
-        let wanted = |served: bool| camera_in(camera) || (served && !waiting.is_empty());
+        let (camera, waiting, next_answer) = (&self.camera, tools.waiting, self.next_answer(tools.settings));
+        let moved = || camera_in(camera) && Instant::now() >= next_answer;
+        let wanted = |served: bool| moved() || (served && !waiting.is_empty());
         let (which, exposure) = self.films.of_size(tools.gpu, size, &self.subject)?;
         let took = exposure.expose(tools.tracer, &self.stage, 1, tools.settings.period(), &wanted)?;
         let done = exposure.taken() > 0;
@@ -217,13 +229,14 @@ impl Room {
         self.begun.get_or_insert_with(Instant::now);
         let render = &self.history.scene().render;
         let (spp, noise) = (render.spp, render.noise);
+        let (camera, waiting, next_answer) = (&self.camera, tools.waiting, self.next_answer(tools.settings));
         let exposure = self.films.full_of(&self.subject);
         let before = exposure.taken();
         let milestone = before.saturating_add(1).checked_next_power_of_two().unwrap_or(spp).min(spp);
         let goal =
             if noise.is_some() { milestone.min(before.saturating_add(exposure.samples_in(NOISE_EVERY))) } else { milestone };
-        let (camera, waiting) = (&self.camera, tools.waiting);
-        let wanted = |served: bool| camera_in(camera) || (served && !waiting.is_empty());
+        let moved = || camera_in(camera) && Instant::now() >= next_answer;
+        let wanted = |served: bool| moved() || (served && !waiting.is_empty());
         let took = exposure.expose(tools.tracer, &self.stage, goal, tools.settings.period(), &wanted)?;
         self.work += took;
         self.stats.render_ms = took.as_secs_f32() * 1e3;

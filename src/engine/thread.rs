@@ -108,7 +108,7 @@ impl Keeper {
                 self.turn(index);
                 continue;
             }
-            let due = self.rooms.iter().filter_map(|room| match room.wants(now) {
+            let due = self.rooms.iter().filter_map(|room| match room.wants(now, &self.settings) {
                 Wants::At(due) => Some(due),
                 Wants::Now => Some(now),
                 Wants::Nothing => None,
@@ -131,10 +131,10 @@ impl Keeper {
     /// The next session with work. Every second turn goes to one that somebody waits for, if there is one.
     fn pick(&mut self, now: Instant) -> Option<usize> {
         let order = (0..self.rooms.len()).map(|step| (self.next + step) % self.rooms.len());
-        let working = order.filter(|index| self.rooms[*index].wants(now) == Wants::Now);
-        let urgent = || working.clone().find(|index| self.rooms[*index].urgent());
+        let working = order.filter(|index| self.rooms[*index].wants(now, &self.settings) == Wants::Now);
+        let urgent = || working.clone().find(|index| self.rooms[*index].urgent(now, &self.settings));
         let index = if self.urgent_before { working.clone().next() } else { urgent().or_else(|| working.clone().next()) }?;
-        self.urgent_before = !self.urgent_before && self.rooms[index].urgent();
+        self.urgent_before = !self.urgent_before && self.rooms[index].urgent(now, &self.settings);
         self.next = (index + 1) % self.rooms.len();
         Some(index)
     }

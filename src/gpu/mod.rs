@@ -286,6 +286,8 @@ impl Gpu {
 
     /// The driver's words if the device is lost: nothing can be done on it any more.
     pub fn lost(&self) -> Option<String> {
+        // The loss is told while the device is polled, and only then.
+        let _ = self.0.device.poll(wgpu::PollType::Poll);
         self.0.lost.lock().ok().and_then(|lost| lost.clone())
     }
 
