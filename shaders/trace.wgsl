@@ -208,6 +208,9 @@ fn enter() -> bool {
     let far = max(a, b);
     t = max(max(near.x, near.y), max(near.z, 0.0));
     t_out = min(min(far.x, far.y), min(far.z, reach));
+    if (here.ball == 1u) {
+        clip_to_ball();
+    }
     if (!(t < t_out)) {
         return false;
     }
@@ -218,6 +221,28 @@ fn enter() -> bool {
     depth = -log(1.0 - draw());
     skip = volume == select(path.scattered_in, hit, to_light);
     return true;
+}
+
+/// Shortens the way through the volume to the part inside its ball.
+fn clip_to_ball() {
+    let half = vec3f(here.size) / 2.0;
+    let o = start / half - 1.0;
+    let d = ray_v / half;
+    let a = dot(d, d);
+    let b = dot(o, d);
+    let discriminant = b * b - a * (dot(o, o) - 1.0);
+    let root = sqrt(max(discriminant, 0.0));
+    t = max(t, (-b - root) / a);
+    t_out = select(-1.0, min(t_out, (-b + root) / a), discriminant > 0.0);
+}
+
+/// What the clip leaves of the density at a point in voxels.
+fn clip(p: vec3f) -> f32 {
+    if (here.ball == 0u) {
+        return 1.0;
+    }
+    let r = length(2.0 * p / vec3f(here.size) - 1.0);
+    return 1.0 - smoothstep(1.0 - max(here.softness, 1e-4), 1.0, r);
 }
 
 /// Edge of the cells that a volume is walked by: macrocells, or the voxels themselves.
@@ -269,14 +294,15 @@ fn step_beer() -> bool {
     // same lot as eight. Lookups stay where the majorant holds.
     let word = draw_u32();
     let reach_v = here.reach;
-    var p = start + ray_v * t;
+    let at = start + ray_v * t;
+    var p = at;
     if (reach_v > 0) {
         let jitter = draw_u32();
         p += vec3f(vec3u(jitter & 0x7ffu, (jitter >> 11u) & 0x7ffu, (jitter >> 22u) << 1u)) / 2048.0 - vec3f(2047.0, 2047.0, 2046.0) / 4096.0;
     }
     let lo = max(cell * CELL - reach_v, vec3i(0));
     let hi = min(cell * CELL + (CELL - 1) + reach_v, here.size - 1);
-    let density = density_at(clamp(vec3i(floor(p)), lo, hi));
+    let density = density_at(clamp(vec3i(floor(p)), lo, hi)) * clip(at);
     if (to_light) {
         transmittance *= max(1.0 - here.sigma_t * density / majorant, 0.0);
         return fade();
@@ -294,7 +320,7 @@ fn step_beer() -> bool {
 
 /// Enters one voxel by the threshold law; false when the flight through this volume has ended.
 fn step_threshold() -> bool {
-    let density = density_at(clamp(cell, vec3i(0), here.size - 1));
+    let density = density_at(clamp(cell, vec3i(0), here.size - 1)) * clip(vec3f(cell) + 0.5);
     let t_cell = min(t_next.x, min(t_next.y, t_next.z));
     let length = max(min(t_cell, t_out) - t, 0.0);
     let p = select(min(here.voxel_probability * density, 1.0), 0.0, skip);
@@ -400,7 +426,8 @@ fn scatter() {
         if (here.law == LAW_THRESHOLD && here.scatter_loss > 0.0) {
             let p = path.origin;
             let q = vec3f(dot(here.voxel_from_world_x, vec4f(p, 1.0)), dot(here.voxel_from_world_y, vec4f(p, 1.0)), dot(here.voxel_from_world_z, vec4f(p, 1.0)));
-            let density = density_at(clamp(vec3i(floor(q)), vec3i(0), here.size - 1));
+            let voxel = clamp(vec3i(floor(q)), vec3i(0), here.size - 1);
+            let density = density_at(voxel) * clip(vec3f(voxel) + 0.5);
             path.throughput *= 1.0 - here.scatter_loss * min(density, 1.0);
         }
     }

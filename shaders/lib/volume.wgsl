@@ -42,7 +42,10 @@ struct Volume {
     phase_shape: f32,
     /// Voxels beyond a macrocell that a lookup inside it can reach: 1 if trilinear, else 0.
     reach: i32,
-    pad: u32,
+    /// 1: only the ball that touches the box's faces is shown.
+    ball: u32,
+    /// Share of the ball's radius over which density fades to 0.
+    softness: f32,
 }
 
 /// A word as the field's value.

@@ -7,7 +7,7 @@ use glam::{Affine3A, EulerRot, Mat3, Quat, UVec3, Vec3, Vec4};
 
 use super::majorants::Majorants;
 use crate::gpu::{Gpu, GpuError};
-use crate::scene::{Background, Camera, Filter, Law, Light, PhaseType, Scene, Sky, Transform, Volume};
+use crate::scene::{Background, Camera, ClipShape, Filter, Law, Light, PhaseType, Scene, Sky, Transform, Volume};
 use crate::volume::{Format, Grid};
 
 /// Most volumes of a scene.
@@ -80,7 +80,8 @@ struct VolumeData {
     phase: u32,
     phase_shape: f32,
     reach: u32,
-    pad: u32,
+    ball: u32,
+    softness: f32,
 }
 
 /// Which of the kernel's variants a scene needs.
@@ -264,7 +265,8 @@ fn volume_data(volume: &Volume, grid: Option<&Grid>) -> VolumeData {
             PhaseType::Drift => medium.phase.weight,
         },
         reach: reach(volume, grid),
-        pad: 0,
+        ball: u32::from(volume.clip.shape == ClipShape::Ball),
+        softness: volume.clip.softness,
     }
 }
 

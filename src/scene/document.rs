@@ -68,6 +68,8 @@ params! {
         transform: Transform = Transform::default() => { tab: "Look" },
         /// How light moves inside.
         medium: Medium = Medium::default() => { tab: "Look" },
+        /// What of the volume is shown.
+        clip: Clip = Clip::default() => { tab: "Look" },
         /// Colour by a field's value.
         color: Color = Color::default() => { tab: "Look" },
         /// The surface around the volume.
@@ -84,6 +86,26 @@ params! {
         rotate: [f32; 3] = [0.0; 3] => { unit: "°", min: -36000.0, max: 36000.0, kind: "vector" },
         /// Stretched by; density is unchanged, so twice the size is twice the optical depth.
         scale: [f32; 3] = [1.0; 3] => { min: -1e4, max: 1e4, nonzero: true, kind: "vector" },
+    }
+}
+
+params! {
+    /// The part of a volume that is shown; the rest is vacuum.
+    pub struct Clip {
+        /// The whole box, or the ball (stretched with the box) that touches its faces.
+        shape: ClipShape = ClipShape::Box => {},
+        /// ball alone: share of the radius over which density fades to 0.
+        softness: f32 = 0.15 => { min: 0.0, max: 1.0 },
+    }
+}
+
+choice! {
+    /// A shape within a volume's box.
+    pub enum ClipShape {
+        /// All of it.
+        Box = "box",
+        /// The ball that touches the faces.
+        Ball = "ball",
     }
 }
 

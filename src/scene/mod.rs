@@ -11,7 +11,7 @@ pub mod param;
 pub mod presets;
 
 pub use document::{
-    About, Background, Boundary, Camera, Cloud, Color, Display, Edge, File, Filter, Homogeneous, Integrator, Lamp, Law, Light,
+    About, Background, Boundary, Camera, Clip, ClipShape, Cloud, Color, Display, Edge, File, Filter, Homogeneous, Integrator, Lamp, Law, Light,
     Medium, Phase, PhaseType, Physarum, Render, Reorient, Scene, Sky, Source, Sun, Tonemap, Transform, Volume, Window,
 };
 pub use history::History;

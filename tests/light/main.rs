@@ -99,6 +99,28 @@ fn optical_depth_grows_with_scale() {
 }
 
 #[test]
+fn a_ball_is_clipped_from_its_box() {
+    for (x, softness) in [(0.0f64, 0.0), (0.3, 0.0), (0.0, 0.4), (0.2, 1.0)] {
+        let scene = json!({
+            "camera": {"position": [x, 0, -20], "target": [x, 0, 0], "fov_y": 0.001},
+            "volumes": {"main": {"source": {"type": "homogeneous"}, "clip": {"shape": "ball", "softness": softness},
+                "medium": {"sigma_t": 3, "albedo": [0, 0, 0]}}},
+            "light": {"sky": sky(1.0), "sun": no_sun()}
+        });
+        // Optical depth along z by the midpoint rule: density 1 − smoothstep(1 − softness, 1, r) at r = |p| / ½.
+        let steps = 20_000;
+        let density = |z: f64| {
+            let r = 2.0 * x.hypot(z);
+            let s = ((r - 1.0 + softness) / softness.max(1e-4)).clamp(0.0, 1.0);
+            if r < 1.0 { 1.0 - s * s * (3.0 - 2.0 * s) } else { 0.0 }
+        };
+        let depth: f64 = (0..steps).map(|i| density((f64::from(i) + 0.5) / f64::from(steps) - 0.5)).sum::<f64>() / f64::from(steps);
+        let z = mean_z(&render(&scene, [64, 64], 64), (-3.0 * depth).exp());
+        assert!(z.abs() < 3.5, "x {x} softness {softness}: z = {z}");
+    }
+}
+
+#[test]
 fn the_threshold_law_draws_once_a_voxel() {
     // 12 voxels along the ray, density 1: each stops light with probability p = sigma_t·h, h = 1/12.
     let n = 12;
