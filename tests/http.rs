@@ -74,6 +74,9 @@ fn slips(server: &Running, id: &str) -> Vec<Slip> {
         (ask("GET", "/nowhere"), 404, "not_found"),
         (ask("GET", "/../Cargo.toml"), 404, "not_found"),
         (ask("GET", "/%2e%2e/Cargo.toml"), 404, "not_found"),
+        (ask("GET", "/%ff"), 400, "bad_path"),
+        (ask("GET", "/api/v1/sessions/%ff/scene"), 400, "bad_path"),
+        (ask("GET", &of("frame?width=%ff")), 400, "out_of_range"),
         (ask("GET", "/api/v1/nowhere"), 404, "not_found"),
         (ask("GET", "/api/v1/presets/nothing"), 404, "not_found"),
         (ask("GET", "/api/v1/sessions/nobody/scene"), 404, "not_found"),
@@ -293,9 +296,14 @@ async fn the_description_lists_every_route_and_its_references_lead_somewhere() {
     }
     let camera = document.pointer("/components/schemas/Scene/properties/camera/properties/fov_y/unit");
     assert_eq!(camera, Some(&json!("°")));
+    let mut ids = std::collections::BTreeSet::new();
     for (path, item) in document["paths"].as_object().unwrap() {
         for (method, operation) in item.as_object().unwrap() {
-            assert!(operation["summary"].is_string() && operation["responses"].is_object(), "{method} {path}");
+            assert!(operation["summary"].is_string(), "{method} {path}");
+            assert!(ids.insert(operation["operationId"].as_str().unwrap()), "{method} {path} has another's id");
+            for (status, response) in operation["responses"].as_object().unwrap() {
+                assert!(response["description"].is_string(), "{method} {path} {status}");
+            }
         }
     }
 }

@@ -2,12 +2,12 @@
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 
-use axum::extract::Path;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use include_dir::{Dir, include_dir};
 
 use super::Problem;
+use super::query::Named;
 
 static FILES: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/static");
 
@@ -17,7 +17,7 @@ pub(super) async fn page(headers: HeaderMap) -> Response {
 }
 
 /// What the page loads.
-pub(super) async fn asset(Path(path): Path<String>, headers: HeaderMap) -> Response {
+pub(super) async fn asset(Named(path): Named, headers: HeaderMap) -> Response {
     file(&path, &headers)
 }
 

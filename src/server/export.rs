@@ -1,16 +1,16 @@
 //! A volume's field as a file.
 
-use axum::extract::{Path, State};
+use axum::extract::State;
 use axum::http::{StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 
-use super::query::Params;
+use super::query::{Named, Params};
 use super::{App, Problem};
 use crate::export::{write_npy, write_nrrd};
 
 /// A volume's field as it is now, indexed `[z][y][x]`, in its own type.
 #[utoipa::path(
-    get, path = "/api/v1/sessions/{id}/export", tag = "pictures",
+    get, operation_id = "export_field", path = "/api/v1/sessions/{id}/export", tag = "pictures",
     params(
         ("id" = String, Path, description = "Name of the session"),
         ("volume" = Option<String>, Query, description = "Name of the volume; main if absent"),
@@ -23,7 +23,7 @@ use crate::export::{write_npy, write_nrrd};
         (status = 404, description = "There is no such session, volume or field"),
     )
 )]
-pub(super) async fn field(State(app): State<App>, Path(id): Path<String>, uri: Uri) -> Result<Response, Problem> {
+pub(super) async fn field(State(app): State<App>, Named(id): Named, uri: Uri) -> Result<Response, Problem> {
     let session = app.session(&id)?;
     let params = Params::of(&uri, &["volume", "field", "format"])?;
     let volume = params.text("volume").unwrap_or("main");

@@ -1,7 +1,7 @@
 //! What the server is, can and offers; whether it is well.
 
 use axum::Json;
-use axum::extract::{Path, State};
+use axum::extract::State;
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
@@ -9,6 +9,7 @@ use serde_json::Value;
 use utoipa::ToSchema;
 
 use super::body::MAX_BODY;
+use super::query::Named;
 use super::{App, Problem, metrics, openapi, socket, still};
 use crate::scene::{Param, Scene, presets};
 use crate::stream::WINDOW;
@@ -64,7 +65,10 @@ struct Limits {
 }
 
 /// The server, its adapter and its limits.
-#[utoipa::path(get, path = "/api/v1/info", tag = "server", responses((status = 200, body = Info)))]
+#[utoipa::path(
+    get, operation_id = "get_info", path = "/api/v1/info", tag = "server",
+    responses((status = 200, body = Info))
+)]
 pub(super) async fn info(State(app): State<App>) -> Json<Info> {
     let gpu = app.engine.gpu();
     let adapter = gpu.info();
@@ -100,13 +104,19 @@ pub(super) async fn info(State(app): State<App>) -> Json<Info> {
 }
 
 /// JSON Schema (2020-12) of the scene document.
-#[utoipa::path(get, path = "/api/v1/schema", tag = "server", responses((status = 200, content_type = "application/schema+json")))]
+#[utoipa::path(
+    get, operation_id = "get_schema", path = "/api/v1/schema", tag = "server",
+    responses((status = 200, content_type = "application/schema+json"))
+)]
 pub(super) async fn schema() -> Response {
     ([(header::CONTENT_TYPE, "application/schema+json")], Scene::json_schema().to_string()).into_response()
 }
 
 /// This description of the HTTP API.
-#[utoipa::path(get, path = "/api/v1/openapi.json", tag = "server", responses((status = 200, content_type = "application/json")))]
+#[utoipa::path(
+    get, operation_id = "get_openapi", path = "/api/v1/openapi.json", tag = "server",
+    responses((status = 200, content_type = "application/json"))
+)]
 pub(super) async fn openapi(State(app): State<App>) -> Json<Value> {
     Json(openapi::under(&app.base))
 }
@@ -125,7 +135,10 @@ pub(super) struct PresetInfo {
 }
 
 /// The scenes that the server brings along.
-#[utoipa::path(get, path = "/api/v1/presets", tag = "server", responses((status = 200, body = [PresetInfo])))]
+#[utoipa::path(
+    get, operation_id = "list_presets", path = "/api/v1/presets", tag = "server",
+    responses((status = 200, body = [PresetInfo]))
+)]
 pub(super) async fn preset_list() -> Json<Vec<PresetInfo>> {
     let about = |document: &Value, key: &str| document.get("about").and_then(|about| about.get(key)).cloned().unwrap_or_default();
     let text = |value: Value| value.as_str().unwrap_or_default().to_owned();
@@ -140,11 +153,11 @@ pub(super) async fn preset_list() -> Json<Vec<PresetInfo>> {
 
 /// The scene document of a preset, every key written out.
 #[utoipa::path(
-    get, path = "/api/v1/presets/{name}", tag = "server",
+    get, operation_id = "get_preset", path = "/api/v1/presets/{name}", tag = "server",
     params(("name" = String, Path, description = "Name of the preset")),
     responses((status = 200, body = openapi::Scene), (status = 404))
 )]
-pub(super) async fn preset(Path(name): Path<String>) -> Result<Json<Value>, Problem> {
+pub(super) async fn preset(Named(name): Named) -> Result<Json<Value>, Problem> {
     let document = presets::get(&name).ok_or_else(|| Problem::not_found("preset of this name"))?;
     Ok(Json(Scene::from_json(document)?.write()))
 }
@@ -170,7 +183,7 @@ pub(super) async fn readyz(State(app): State<App>) -> Result<&'static str, Probl
 
 /// Counters and gauges in the Prometheus text format (`OpenMetrics`).
 #[utoipa::path(
-    get, path = "/metrics", tag = "health",
+    get, operation_id = "get_metrics", path = "/metrics", tag = "health",
     responses((status = 200, body = String, content_type = "application/openmetrics-text"))
 )]
 pub(super) async fn metrics(State(app): State<App>) -> Result<Response, Problem> {
@@ -201,7 +214,7 @@ mod tests {
         assert_eq!(presets[0].name, presets::DEFAULT);
         for listed in presets {
             assert!(!listed.title.is_empty(), "{}", listed.name);
-            let document = preset(Path(listed.name.to_owned())).await.unwrap().0;
+            let document = preset(Named(listed.name.to_owned())).await.unwrap().0;
             assert_eq!(document["about"]["best_step"], json!(listed.best_step));
         }
     }

@@ -1,5 +1,6 @@
 //! The description of the HTTP API, made from the handlers themselves, with the scene's own schema inside.
 
+use axum::http::StatusCode;
 use serde_json::{Value, json};
 use utoipa::{OpenApi, ToSchema};
 
@@ -80,7 +81,7 @@ pub(super) fn under(base: &str) -> Value {
     });
     document["security"] = json!([{}, {"bearer": []}, {"query": []}]);
     for operation in operations(&mut document) {
-        describe_problems(operation);
+        describe_responses(operation);
     }
     document
 }
@@ -91,12 +92,19 @@ fn operations(document: &mut Value) -> impl Iterator<Item = &mut Value> {
     paths.filter_map(Value::as_object_mut).flat_map(serde_json::Map::values_mut)
 }
 
-/// Says of every error, those that an operation names and those that any can end in, that it is a problem.
-fn describe_problems(operation: &mut Value) {
+/// Says of every error, those that an operation names and those that any can end in, that it is a problem, and of every
+/// response what its status means, where it says nothing itself.
+fn describe_responses(operation: &mut Value) {
     let content = json!({"application/problem+json": {"schema": {"$ref": "#/components/schemas/Problem"}}});
     let Some(responses) = operation["responses"].as_object_mut() else { return };
-    for (_, response) in responses.iter_mut().filter(|(status, _)| status.starts_with(['4', '5'])) {
-        response["content"] = content.clone();
+    for (status, response) in responses.iter_mut() {
+        if status.starts_with(['4', '5']) {
+            response["content"] = content.clone();
+        }
+        let meaning = status.parse::<StatusCode>().ok().and_then(|status| status.canonical_reason());
+        if response["description"].is_null() {
+            response["description"] = meaning.unwrap_or(status).into();
+        }
     }
     responses.insert("default".into(), json!({"description": "The request was not done", "content": content}));
 }

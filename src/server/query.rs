@@ -1,9 +1,21 @@
-//! The part of an address after the question mark.
+//! What an address says: the part of the path that stands for something, and what follows the question mark.
 
-use axum::extract::Query;
+use axum::extract::{FromRequestParts, Path, Query};
 use axum::http::Uri;
+use axum::http::request::Parts;
 
-use super::problem::Problem;
+use super::{App, Problem};
+
+/// The part of the path that a route leaves open, decoded.
+pub(super) struct Named(pub(super) String);
+
+impl FromRequestParts<App> for Named {
+    type Rejection = Problem;
+    async fn from_request_parts(parts: &mut Parts, app: &App) -> Result<Self, Problem> {
+        let path = Path::<String>::from_request_parts(parts, app).await;
+        path.map(|Path(name)| Self(name)).map_err(|error| Problem::bad_request("bad_path", error.body_text()))
+    }
+}
 
 /// The decoded pairs of a query.
 pub(super) fn pairs(uri: &Uri) -> Result<Vec<(String, String)>, Problem> {

@@ -2,12 +2,13 @@
 
 use std::time::Duration;
 
-use axum::extract::{Path, State};
+use axum::extract::State;
 use axum::http::{HeaderMap, HeaderName, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 
 use super::assets::matches_etag;
 use super::body::{Json, MergePatch};
+use super::query::Named;
 use super::sessions::API;
 use super::{App, Problem, openapi, sources};
 use crate::engine::{SceneState, Session};
@@ -15,14 +16,15 @@ use crate::scene::history::Change;
 
 /// The scene, every key written out.
 #[utoipa::path(
-    get, path = "/api/v1/sessions/{id}/scene", tag = "scene", params(("id" = String, Path, description = "Name of the session")),
+    get, operation_id = "get_scene", path = "/api/v1/sessions/{id}/scene", tag = "scene",
+    params(("id" = String, Path, description = "Name of the session")),
     responses(
         (status = 200, body = openapi::Scene, headers(("ETag" = String, description = "The revision, in quotes"))),
         (status = 304, description = "If-None-Match names the revision"),
         (status = 404),
     )
 )]
-pub(super) async fn read(State(app): State<App>, Path(id): Path<String>, headers: HeaderMap) -> Result<Response, Problem> {
+pub(super) async fn read(State(app): State<App>, Named(id): Named, headers: HeaderMap) -> Result<Response, Problem> {
     let state = app.session(&id)?.scene().borrow().clone();
     if matches_etag(&headers, &etag(state.revision)) {
         return Ok((StatusCode::NOT_MODIFIED, [(header::ETAG, etag(state.revision))]).into_response());
@@ -32,7 +34,7 @@ pub(super) async fn read(State(app): State<App>, Path(id): Path<String>, headers
 
 /// Puts another document in place of the scene; a key that it does not name has its default.
 #[utoipa::path(
-    put, path = "/api/v1/sessions/{id}/scene", tag = "scene",
+    put, operation_id = "put_scene", path = "/api/v1/sessions/{id}/scene", tag = "scene",
     params(
         ("id" = String, Path, description = "Name of the session"),
         ("If-Match" = Option<String>, Header, description = "Only to this revision"),
@@ -46,7 +48,7 @@ pub(super) async fn read(State(app): State<App>, Path(id): Path<String>, headers
 )]
 pub(super) async fn replace(
     State(app): State<App>,
-    Path(id): Path<String>,
+    Named(id): Named,
     headers: HeaderMap,
     Json(body): Json,
 ) -> Result<Response, Problem> {
@@ -59,7 +61,7 @@ pub(super) async fn replace(
 
 /// Applies a merge patch (RFC 7396): `null` restores a default, and a `type` that changes drops the old type's keys.
 #[utoipa::path(
-    patch, path = "/api/v1/sessions/{id}/scene", tag = "scene",
+    patch, operation_id = "patch_scene", path = "/api/v1/sessions/{id}/scene", tag = "scene",
     params(
         ("id" = String, Path, description = "Name of the session"),
         ("If-Match" = Option<String>, Header, description = "Only to this revision"),
@@ -74,7 +76,7 @@ pub(super) async fn replace(
 )]
 pub(super) async fn patch(
     State(app): State<App>,
-    Path(id): Path<String>,
+    Named(id): Named,
     headers: HeaderMap,
     MergePatch(body): MergePatch,
 ) -> Result<Response, Problem> {

@@ -1,7 +1,7 @@
 //! Sessions: made, listed, told what to do, ended.
 
 use axum::Json;
-use axum::extract::{Path, State};
+use axum::extract::State;
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
@@ -10,6 +10,7 @@ use utoipa::ToSchema;
 
 use super::body::Json as JsonBody;
 use super::fields::{Fields, within};
+use super::query::Named;
 use super::{App, Problem, openapi, sources};
 use crate::engine::{ClientId, Control, SessionInfo, Stats};
 use crate::scene::{Refusal, Scene, presets};
@@ -31,7 +32,7 @@ pub(super) struct NewSession {
 
 /// Makes a session with a scene of its own.
 #[utoipa::path(
-    post, path = "/api/v1/sessions", tag = "sessions", request_body = openapi::NewSessionRequest,
+    post, operation_id = "create_session", path = "/api/v1/sessions", tag = "sessions", request_body = openapi::NewSessionRequest,
     responses(
         (status = 201, body = NewSession, headers(("Location" = String, description = "Path of the session"))),
         (status = 422, description = "The scene is refused, or does not fit the adapter"),
@@ -67,7 +68,10 @@ fn new_scene(app: &App, body: &Value) -> Result<Scene, Problem> {
 }
 
 /// All sessions and how they fare.
-#[utoipa::path(get, path = "/api/v1/sessions", tag = "sessions", responses((status = 200, body = [SessionInfo])))]
+#[utoipa::path(
+    get, operation_id = "list_sessions", path = "/api/v1/sessions", tag = "sessions",
+    responses((status = 200, body = [SessionInfo]))
+)]
 pub(super) async fn list(State(app): State<App>) -> Json<Vec<SessionInfo>> {
     let mut sessions = app.engine.list();
     for session in &mut sessions {
@@ -78,14 +82,15 @@ pub(super) async fn list(State(app): State<App>) -> Json<Vec<SessionInfo>> {
 
 /// Ends a session; its clients are told. `main` cannot be ended.
 #[utoipa::path(
-    delete, path = "/api/v1/sessions/{id}", tag = "sessions", params(("id" = String, Path, description = "Name of the session")),
+    delete, operation_id = "delete_session", path = "/api/v1/sessions/{id}", tag = "sessions",
+    params(("id" = String, Path, description = "Name of the session")),
     responses(
         (status = 204),
         (status = 404),
         (status = 409, description = "The session is `main`"),
     )
 )]
-pub(super) async fn remove(State(app): State<App>, Path(id): Path<String>) -> Result<StatusCode, Problem> {
+pub(super) async fn remove(State(app): State<App>, Named(id): Named) -> Result<StatusCode, Problem> {
     if id == "main" {
         return Err(Problem::new(StatusCode::CONFLICT, "main_session", "the session main lasts as long as the server"));
     }
@@ -106,7 +111,7 @@ pub(super) struct ControlState {
 
 /// Plays, pauses, steps, resets, undoes or redoes.
 #[utoipa::path(
-    post, path = "/api/v1/sessions/{id}/control", tag = "sessions",
+    post, operation_id = "control_session", path = "/api/v1/sessions/{id}/control", tag = "sessions",
     params(("id" = String, Path, description = "Name of the session")),
     request_body = openapi::ControlRequest,
     responses(
@@ -117,7 +122,7 @@ pub(super) struct ControlState {
 )]
 pub(super) async fn control(
     State(app): State<App>,
-    Path(id): Path<String>,
+    Named(id): Named,
     JsonBody(body): JsonBody,
 ) -> Result<Json<ControlState>, Problem> {
     let session = app.session(&id)?;

@@ -1,12 +1,12 @@
 //! A picture made by itself, beside the stream.
 
-use axum::extract::{Path, State};
+use axum::extract::State;
 use axum::http::{StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 
 use serde_json::Value;
 
-use super::query::Params;
+use super::query::{Named, Params};
 use super::{App, Problem};
 use crate::engine::{Still, StillRequest};
 use crate::export::{Provenance, write_exr, write_png};
@@ -38,7 +38,7 @@ enum Format {
 ///
 /// `exr` is linear radiance in float32 RGBA, untouched by exposure and tone mapping.
 #[utoipa::path(
-    get, path = "/api/v1/sessions/{id}/frame", tag = "pictures",
+    get, operation_id = "get_frame", path = "/api/v1/sessions/{id}/frame", tag = "pictures",
     params(
         ("id" = String, Path, description = "Name of the session"),
         ("width" = Option<u32>, Query, description = "Pixels, 16 to 8192; 640 if absent"),
@@ -53,7 +53,7 @@ enum Format {
         (status = 429, description = "As many pictures are being made as the server makes at once"),
     )
 )]
-pub(super) async fn frame(State(app): State<App>, Path(id): Path<String>, uri: Uri) -> Result<Response, Problem> {
+pub(super) async fn frame(State(app): State<App>, Named(id): Named, uri: Uri) -> Result<Response, Problem> {
     let session = app.session(&id)?;
     let (request, format) = wanted(&uri)?;
     let Ok(_permit) = app.stills.try_acquire() else {

@@ -12,11 +12,11 @@ mod writer;
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use axum::extract::ws::rejection::WebSocketUpgradeRejection;
 use axum::extract::ws::{CloseFrame, Message as Frame, Utf8Bytes, WebSocket, WebSocketUpgrade, close_code};
-use axum::extract::{Extension, Path, State};
+use axum::extract::{Extension, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use futures_util::StreamExt;
@@ -25,6 +25,7 @@ use tokio::sync::{Notify, Semaphore, mpsc, watch};
 use self::message::{Hello, Message};
 use super::listener::Slot;
 use super::metrics::CodeLabel;
+use super::query::Named;
 use super::rooms::Seat;
 use super::{App, Problem};
 use crate::engine::{ClientId, Session};
@@ -88,9 +89,30 @@ impl Client {
     }
 }
 
-/// Opens a session's stream (subprotocol `tyndall.v1`).
+/// Opens a session's stream: a WebSocket with the subprotocol `tyndall.v1`.
+///
+/// The client sends JSON text, at most 64 KiB a message:
+/// - `{"type":"hello","codecs":["jpeg","png"],"size":[1280,720],"role":"control"}` first, within 10 s; `view` only looks.
+/// - `{"type":"camera","seq":812,"position":[1,2,3],…}` with any of the camera's keys; the newest message wins.
+/// - `{"type":"patch","patch":{…},"gesture":"g3","commit":true}`: a merge patch of the scene. Uncommitted patches of one
+///   gesture are one undo step.
+/// - `{"type":"ack","frame":9001,"decode_ms":3.1}` once a frame is drawn: at most 2 are under way without.
+/// - `{"type":"keyframe"}` asks for the newest picture again, `{"type":"resize","size":[640,360]}` for another size.
+/// - `{"type":"control","cmd":"play"}`, or `pause`, `step` (with `steps`), `reset`, `undo`, `redo`; `take` makes the client
+///   the only one that may change anything, until it sends `release` or leaves.
+///
+/// The server sends JSON text: `welcome` (again where the client has missed changes: it replaces all), `patch`, `stats`,
+/// `notice`, `control` (who holds it), `error` (`code`, `path`, `text` of a message that was refused).
+///
+/// It sends each picture as one binary message: 40 bytes little-endian, then the payload. At 0 u8 version 1; 1 u8 codec
+/// (0 PNG, 1 JPEG); 2 u8 flags (1 key frame, 2 final, 4 lossless); 3 u8 0; 4 u16 width; 6 u16 height; 8 u32 frame number;
+/// 12 u32 `seq` of the client's newest camera message shown; 16 u32 revision; 20 u32 samples per pixel; 24 u64 server's
+/// clock in µs when the picture was begun; 32 u32 µs of simulation and rendering; 36 u32 µs of read-back and encoding.
+///
+/// Closes: 1001 the session has ended, 1008 no hello came, 1009 a message was too long, 1012 the server stops.
 #[utoipa::path(
-    get, path = "/api/v1/sessions/{id}/ws", tag = "stream", params(("id" = String, Path, description = "Name of the session")),
+    get, operation_id = "open_stream", path = "/api/v1/sessions/{id}/ws", tag = "stream",
+    params(("id" = String, Path, description = "Name of the session")),
     responses(
         (status = 101, description = "JSON messages both ways, frames with a 40-byte header from the server"),
         (status = 403, description = "The Origin is foreign"),
@@ -100,7 +122,7 @@ impl Client {
 )]
 pub(super) async fn upgrade(
     State(app): State<App>,
-    Path(id): Path<String>,
+    Named(id): Named,
     Extension(slot): Extension<Slot>,
     headers: HeaderMap,
     upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
@@ -171,7 +193,7 @@ async fn greet(app: &App, socket: &mut WebSocket) -> Result<Hello, End> {
             Some(Err(refusal)) => refusal,
         };
         app.metrics.refused.get_or_create(&CodeLabel { code: refusal.code }).inc();
-        if patience.allows() {
+        if patience.allows(Instant::now()) {
             let text = Frame::text(reply::error(&refusal));
             tokio::time::timeout(app.config.timing.send, socket.send(text))
                 .await

@@ -17,7 +17,7 @@ use crate::server::metrics::CodeLabel;
 use crate::server::rooms::Role;
 use crate::server::sources;
 
-/// How many refused messages are answered: 20 at once, then 10 a second. What a client sends wrongly in a loop must not
+/// How many refused messages are answered: 200 at once, then 100 a second. What a client sends wrongly in a loop must not
 /// become a stream of answers.
 pub(super) struct Patience {
     left: f32,
@@ -25,12 +25,11 @@ pub(super) struct Patience {
 }
 
 impl Patience {
-    const MOST: f32 = 20.0;
-    const A_SECOND: f32 = 10.0;
+    const MOST: f32 = 200.0;
+    const A_SECOND: f32 = 100.0;
 
-    /// Whether one more may be answered now.
-    pub(super) fn allows(&mut self) -> bool {
-        let now = Instant::now();
+    /// Whether one more may be answered.
+    pub(super) fn allows(&mut self, now: Instant) -> bool {
         self.left = (self.left + now.duration_since(self.at).as_secs_f32() * Self::A_SECOND).min(Self::MOST);
         self.at = now;
         let allowed = self.left >= 1.0;
@@ -96,7 +95,7 @@ pub(super) async fn read(client: &Client, mut source: SplitStream<&mut WebSocket
         };
         if let Err(refusal) = done {
             client.app.metrics.refused.get_or_create(&CodeLabel { code: refusal.code }).inc();
-            if patience.allows() && replies.send(reply::error(&refusal)).await.is_err() {
+            if patience.allows(Instant::now()) && replies.send(reply::error(&refusal)).await.is_err() {
                 return End::Left;
             }
         }
@@ -170,13 +169,16 @@ async fn obey(client: &Client, message: Message) -> Result<(), Refusal> {
 
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
+
     use super::*;
 
     #[test]
     fn wrong_messages_in_a_loop_are_not_all_answered() {
         let mut patience = Patience::default();
-        let answered = (0..10_000).filter(|_| patience.allows()).count();
-        assert!((20..1000).contains(&answered), "{answered}");
+        let start = patience.at;
+        let mut answered = |seconds| (0..1000).filter(|_| patience.allows(start + Duration::from_secs(seconds))).count();
+        assert_eq!([answered(0), answered(0), answered(1), answered(60)], [200, 0, 100, 200]);
     }
 
     #[test]
