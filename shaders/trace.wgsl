@@ -41,8 +41,6 @@ struct Camera {
 struct Scene {
     camera: Camera,
     seed: u32,
-    /// Weight of a new sample over all before it; 0: each counts alike.
-    blend: f32,
 }
 
 /// What loops and branches depend on in a scene.
@@ -77,6 +75,8 @@ struct Batch {
     budget: u32,
     /// 1: go on with suspended paths.
     resume: u32,
+    /// Least weight of a new sample over all before it; 0: each counts alike.
+    least_weight: f32,
 }
 
 /// A path between two flights.
@@ -131,6 +131,7 @@ const COUNT_MASK: u32 = 0x1fffffu;
 // Copies of parameters in registers: a storage load costs software drivers dozens of cycles, even where nobody needs it.
 var<private> limits: Limits;
 var<private> target_samples: u32;
+var<private> least_weight: f32;
 
 // The path of this invocation.
 var<private> path: Path;
@@ -476,7 +477,7 @@ fn gather() {
         return;
     }
     pixel_counts++;
-    let weight = max(1.0 / f32(pixel_counts & COUNT_MASK), scene.blend);
+    let weight = max(1.0 / f32(pixel_counts & COUNT_MASK), least_weight);
     let change = vec4f(path.radiance, path.alpha) - pixel_mean;
     pixel_mean += change * weight;
     pixel_spread += change.xyz * (vec4f(path.radiance, path.alpha) - pixel_mean).xyz;
@@ -553,6 +554,7 @@ fn main(@builtin(workgroup_id) group_id: vec3u, @builtin(num_workgroups) groups:
     }
     limits = limits_in;
     target_samples = batch.target_samples;
+    least_weight = batch.least_weight;
     let budget = batch.budget;
     var rounds = 0u;
     var bursts = 0u;

@@ -223,6 +223,21 @@ async fn a_running_simulation_has_no_final_picture() {
 }
 
 #[tokio::test]
+async fn what_was_blended_while_a_simulation_ran_is_no_part_of_the_final_picture() {
+    let session = open(&ENGINE, physarum(None)).await;
+    let mut pictures = session.pictures();
+    for _ in 0..6 {
+        pictures.changed().await.unwrap();
+        pictures.borrow_and_update();
+    }
+    session.control(CLIENT, Control::Pause).await.unwrap();
+    let last = picture(&mut pictures, |picture| picture.converged && picture.size == SIZE).await;
+    let alone = session.still(StillRequest { size: SIZE, spp: 8, radiance: false }).await.unwrap();
+    assert!(last.pixels == alone.pixels, "the final picture is not the one of its own samples");
+    ENGINE.remove(session.id()).await.unwrap();
+}
+
+#[tokio::test]
 async fn another_simulation_starts_at_step_0_and_keeps_running() {
     let session = open(&ENGINE, physarum(None)).await;
     session.control(CLIENT, Control::Pause).await.unwrap();

@@ -23,12 +23,17 @@ pub(super) enum Which {
 /// may have 2²⁰.
 const MAX_BLENDED: u32 = 1 << 20;
 
+/// Least weight of a sample while a simulation runs: noise fades over some five steps, and motion trails as far.
+const GROWTH_WEIGHT: f32 = 0.2;
+
 /// A film, what it is of, and what it has cost so far.
 pub(super) struct Exposure {
     pub(super) film: Film,
     subject: Option<Subject>,
-    /// Samples that the film had when it turned to its subject: 0, unless the scene blends.
+    /// Samples that the film had when it turned to its subject: 0, unless pictures blend.
     since: u32,
+    /// Whether the film blends steps of a running simulation: good to look at while it runs, never to converge.
+    mixed: bool,
     /// Time spent since a sample was last complete.
     spent: Duration,
     /// Time that a sample takes.
@@ -61,7 +66,16 @@ impl Exposure {
     /// A blank film of these rows of a picture.
     pub(super) fn new(gpu: &Gpu, size: [u32; 2], rows: Range<u32>) -> Result<Self, GpuError> {
         let film = Film::new(gpu, size, rows)?;
-        Ok(Self { film, subject: None, since: 0, spent: Duration::ZERO, per_sample: Duration::ZERO, patience: 1, noise: None })
+        Ok(Self {
+            film,
+            subject: None,
+            since: 0,
+            mixed: false,
+            spent: Duration::ZERO,
+            per_sample: Duration::ZERO,
+            patience: 1,
+            noise: None,
+        })
     }
 
     /// Samples per pixel of the subject.
@@ -111,16 +125,34 @@ impl Exposure {
         self.subject.as_ref() == Some(subject)
     }
 
-    /// Takes on a subject; `fresh` if what the film showed last is long gone.
-    pub(super) fn turn_to(&mut self, subject: &Subject, fresh: bool) {
-        if self.is_of(subject) {
+    /// Whether the film may count as converged once it has enough samples.
+    pub(super) fn pure(&self) -> bool {
+        !self.mixed
+    }
+
+    /// Takes on a subject; `fresh` if what the film showed last is long gone, `runs` if the simulation goes on.
+    pub(super) fn turn_to(&mut self, subject: &Subject, fresh: bool, runs: bool) {
+        if self.is_of(subject) && (runs || !self.mixed) {
             return;
+        }
+        if runs && !fresh && self.film.samples() < MAX_BLENDED && self.film.follow(subject, GROWTH_WEIGHT) {
+            self.mixed = true;
+            self.take_on(subject);
+            return;
+        }
+        if self.mixed {
+            self.film.clear();
+            self.mixed = false;
         }
         // A film that blends never starts over by itself, and cannot count for ever.
         if subject.blends() && (fresh || self.film.samples() > MAX_BLENDED) {
             self.film.clear();
         }
         self.film.depict(subject);
+        self.take_on(subject);
+    }
+
+    fn take_on(&mut self, subject: &Subject) {
         self.subject = Some(subject.clone());
         self.since = self.film.samples();
         self.spent = Duration::ZERO;
@@ -158,10 +190,10 @@ impl Films {
         }
     }
 
-    /// The full film, turned to the subject.
-    pub(super) fn full_of(&mut self, subject: &Subject) -> &mut Exposure {
+    /// The full film, turned to the subject; `runs` if the simulation goes on.
+    pub(super) fn full_of(&mut self, subject: &Subject, runs: bool) -> &mut Exposure {
         // With `render.blend` a film keeps its old samples: those of the last time it was used would be ghosts.
-        self.full.turn_to(subject, self.last != Which::Full);
+        self.full.turn_to(subject, self.last != Which::Full, runs);
         self.last = Which::Full;
         &mut self.full
     }
@@ -170,15 +202,21 @@ impl Films {
     ///
     /// # Errors
     /// [`GpuError::TooLarge`].
-    pub(super) fn of_size(&mut self, gpu: &Gpu, size: [u32; 2], subject: &Subject) -> Result<(Which, &mut Exposure), GpuError> {
+    pub(super) fn of_size(
+        &mut self,
+        gpu: &Gpu,
+        size: [u32; 2],
+        subject: &Subject,
+        runs: bool,
+    ) -> Result<(Which, &mut Exposure), GpuError> {
         if size == self.size() {
-            return Ok((Which::Full, self.full_of(subject)));
+            return Ok((Which::Full, self.full_of(subject, runs)));
         }
         let mut swift = match self.swift.take() {
             Some(swift) if swift.film.size() == size => swift,
             _ => Exposure::new(gpu, size, 0..size[1])?,
         };
-        swift.turn_to(subject, self.last != Which::Swift);
+        swift.turn_to(subject, self.last != Which::Swift, runs);
         self.last = Which::Swift;
         Ok((Which::Swift, self.swift.insert(swift)))
     }

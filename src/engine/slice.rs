@@ -68,6 +68,7 @@ impl Room {
         let full = self.films.full();
         !self.stale
             && full.is_of(&self.subject)
+            && full.pure()
             && (full.taken() >= render.spp || render.noise.zip(full.noise).is_some_and(|(enough, noise)| noise <= enough))
     }
 
@@ -184,7 +185,8 @@ impl Room {
             (size, if self.subject.blends() { 1 } else { spp.min(self.history.scene().render.spp) })
         });
         self.aim = Some((size, spp));
-        let (which, exposure) = self.films.of_size(tools.gpu, size, &self.subject)?;
+        let runs = self.runs();
+        let (which, exposure) = self.films.of_size(tools.gpu, size, &self.subject, runs)?;
         let before = exposure.taken();
         let took = exposure.expose(tools.tracer, &self.stage, spp, period * 2, &|_| false)?;
         let taken = exposure.taken();
@@ -212,7 +214,7 @@ impl Room {
         let (camera, waiting, next_answer) = (&self.camera, tools.waiting, self.next_answer(tools.settings));
         let moved = || camera_in(camera) && Instant::now() >= next_answer;
         let wanted = |served: bool| moved() || (served && !waiting.is_empty());
-        let (which, exposure) = self.films.of_size(tools.gpu, size, &self.subject)?;
+        let (which, exposure) = self.films.of_size(tools.gpu, size, &self.subject, false)?;
         let took = exposure.expose(tools.tracer, &self.stage, 1, tools.settings.period(), &wanted)?;
         let done = exposure.taken() > 0;
         self.work += took;
@@ -230,7 +232,7 @@ impl Room {
         let render = &self.history.scene().render;
         let (spp, noise) = (render.spp, render.noise);
         let (camera, waiting, next_answer) = (&self.camera, tools.waiting, self.next_answer(tools.settings));
-        let exposure = self.films.full_of(&self.subject);
+        let exposure = self.films.full_of(&self.subject, false);
         let before = exposure.taken();
         let milestone = before.saturating_add(1).checked_next_power_of_two().unwrap_or(spp).min(spp);
         let goal =
@@ -246,7 +248,7 @@ impl Room {
         }
         if noise.is_some() || self.watched() || taken >= spp {
             let noise = tools.tracer.noise(&self.films.full().film)?;
-            self.films.full_of(&self.subject).noise = noise;
+            self.films.full_of(&self.subject, false).noise = noise;
         }
         self.news |= taken == milestone && self.watched();
         Ok(())

@@ -51,7 +51,7 @@ impl Job {
         }
         self.rows = self.rows.end..height.min(self.rows.end + Film::rows_that_fit(tools.gpu, width));
         self.band = Exposure::new(tools.gpu, self.request.size, self.rows.clone())?;
-        self.band.turn_to(&self.subject, true);
+        self.band.turn_to(&self.subject, true, false);
         Ok(true)
     }
 }
@@ -91,7 +91,7 @@ impl Room {
         let stage = Stage::new(tools.gpu, scene, &grids)?;
         let subject = Subject::of(scene, &grids);
         let mut band = Exposure::new(tools.gpu, request.size, rows.clone())?;
-        band.turn_to(&subject, true);
+        band.turn_to(&subject, true, false);
         let still = Still { size: request.size, pixels: Vec::new(), radiance: Vec::new(), revision: self.history.revision() };
         let display = scene.display.clone();
         Ok(Job { request, display, stage, subject, copied, band, rows, still })

@@ -17,6 +17,8 @@ pub struct Film {
     pub(super) samples: u32,
     /// Samples per pixel aimed at by the pass under way, and the blocks of pixels that have them.
     pub(super) pass: Option<(u32, u32)>,
+    /// Least weight of a new sample; 0: all samples weigh alike.
+    pub(super) weight: f32,
     subject: Option<Subject>,
 }
 
@@ -32,7 +34,7 @@ impl Film {
         let height = rows.end.saturating_sub(rows.start);
         let bytes = u64::from(picture[0]) * u64::from(height) * Self::BYTES_PER_PIXEL;
         let pixels = gpu.storage(&format!("a film of {}×{height} pixels", picture[0]), bytes)?;
-        Ok(Self { gpu: gpu.clone(), pixels, picture, rows, samples: 0, pass: None, subject: None })
+        Ok(Self { gpu: gpu.clone(), pixels, picture, rows, samples: 0, pass: None, weight: 0.0, subject: None })
     }
 
     /// Rows of a film that fits the adapter, for a picture of this width.
@@ -41,9 +43,22 @@ impl Film {
         u32::try_from(rows).unwrap_or(u32::MAX)
     }
 
+    /// Takes on a subject that has grown by a simulation step, and goes on: each new sample weighs at least `weight`, so
+    /// that noise fades over the steps. A biased preview: what is to converge must start over. `false` where more than
+    /// the grids has changed; the film is then as it was.
+    pub fn follow(&mut self, subject: &Subject, weight: f32) -> bool {
+        let grown = self.subject.as_ref().is_some_and(|before| subject.grew_from(before));
+        if grown {
+            self.weight = weight;
+            self.subject = Some(subject.clone());
+        }
+        grown
+    }
+
     /// Takes on a subject, and starts over if it is another than before; `true` if it did. With `blend`
     /// pictures of different subjects lie over one another: the film goes on.
     pub fn depict(&mut self, subject: &Subject) -> bool {
+        self.weight = subject.blend();
         if self.subject.as_ref() == Some(subject) {
             return false;
         }

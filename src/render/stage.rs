@@ -32,7 +32,6 @@ struct CameraData {
 struct SceneData {
     camera: CameraData,
     seed: u32,
-    blend: f32,
 }
 
 #[derive(ShaderType, Default)]
@@ -159,7 +158,7 @@ fn shines(rgb: [f32; 3]) -> bool {
 }
 
 fn scene_data(scene: &Scene) -> SceneData {
-    SceneData { camera: camera_data(&scene.camera), seed: scene.render.seed, blend: scene.render.blend.unwrap_or(0.0) }
+    SceneData { camera: camera_data(&scene.camera), seed: scene.render.seed }
 }
 
 fn limits_data(scene: &Scene, volume_count: usize, lamps: u32) -> LimitsData {

@@ -28,8 +28,18 @@ impl Subject {
         }
     }
 
+    /// Whether the two differ in nothing but what a simulation has grown.
+    pub fn grew_from(&self, before: &Self) -> bool {
+        self.grids.len() == before.grids.len() && Self { grids: before.grids.clone(), ..self.clone() } == *before
+    }
+
     /// Whether pictures blend over one another in place of starting over.
     pub fn blends(&self) -> bool {
         self.render.blend.is_some()
+    }
+
+    /// Weight of a new sample where pictures blend, else 0.
+    pub(super) fn blend(&self) -> f32 {
+        self.render.blend.unwrap_or(0.0)
     }
 }

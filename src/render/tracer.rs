@@ -42,6 +42,7 @@ struct Batch {
     blocks_per_group: u32,
     budget: u32,
     resume: u32,
+    least_weight: f32,
 }
 
 #[derive(ShaderType)]
@@ -304,6 +305,7 @@ fn plan(film: &Film) -> Batch {
         blocks_per_group: 1,
         budget: BUDGET,
         resume: 0,
+        least_weight: film.weight,
     }
 }
 

@@ -11,8 +11,9 @@ pub mod param;
 pub mod presets;
 
 pub use document::{
-    About, Background, Boundary, Camera, Clip, ClipShape, Cloud, Color, Display, Edge, File, Filter, Homogeneous, Integrator, Lamp, Law, Light,
-    Medium, Phase, PhaseType, Physarum, Render, Reorient, Scene, Sky, Source, Sun, Tonemap, Transform, Volume, Window,
+    About, Background, Boundary, Camera, Clip, ClipShape, Cloud, Color, Display, Edge, File, Filter, Homogeneous, Integrator,
+    Lamp, Law, Light, Medium, Phase, PhaseType, Physarum, Render, Reorient, Scene, Sky, Source, Sun, Tonemap, Transform, Volume,
+    Window,
 };
 pub use history::History;
 pub use param::{Param, Refusal};

@@ -114,7 +114,8 @@ fn a_ball_is_clipped_from_its_box() {
             let s = ((r - 1.0 + softness) / softness.max(1e-4)).clamp(0.0, 1.0);
             if r < 1.0 { 1.0 - s * s * (3.0 - 2.0 * s) } else { 0.0 }
         };
-        let depth: f64 = (0..steps).map(|i| density((f64::from(i) + 0.5) / f64::from(steps) - 0.5)).sum::<f64>() / f64::from(steps);
+        let depth: f64 =
+            (0..steps).map(|i| density((f64::from(i) + 0.5) / f64::from(steps) - 0.5)).sum::<f64>() / f64::from(steps);
         let z = mean_z(&render(&scene, [64, 64], 64), (-3.0 * depth).exp());
         assert!(z.abs() < 3.5, "x {x} softness {softness}: z = {z}");
     }
@@ -425,6 +426,21 @@ fn the_film_starts_over_when_its_subject_changes_and_not_else() {
     ] {
         assert!(film.depict(&with(path, value)), "{path}");
     }
+}
+
+#[test]
+fn a_film_follows_what_grows_and_nothing_else() {
+    let scene = |fov: f64| Scene::from_json(&json!({"camera": {"fov_y": fov}, "volumes": {"a": {"source": file()}}})).unwrap();
+    let grid = lumps(16);
+    let subject =
+        |fov: f64, version: u64| Subject::of(&scene(fov), &BTreeMap::from([("a".to_owned(), Grid { version, ..grid.clone() })]));
+    let mut film = Film::new(gpu(), [16, 16], 0..16).unwrap();
+    assert!(!film.follow(&subject(30.0, 1), 0.2), "a blank film has nothing to follow");
+    film.depict(&subject(30.0, 1));
+    assert!(film.follow(&subject(30.0, 2), 0.2));
+    assert!(!film.follow(&subject(31.0, 2), 0.2), "the camera moved");
+    assert!(!film.depict(&subject(30.0, 2)), "the film is of the step that it followed");
+    assert!(film.depict(&subject(30.0, 3)));
 }
 
 #[test]
