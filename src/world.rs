@@ -250,6 +250,15 @@ impl World {
     }
 }
 
+impl Drop for World {
+    /// Waits for the steps under way: a process that ends while the software driver compiles a kernel for one crashes.
+    fn drop(&mut self) {
+        if self.living().next().is_some() {
+            let _ = self.gpu.finish(self.gpu.encoder("last steps"));
+        }
+    }
+}
+
 fn grow(gpu: &Gpu, volume: &str, source: &Source, read: &ReadFile<'_>) -> Result<Matter, WorldError> {
     Ok(match source {
         Source::Homogeneous(_) | Source::Physarum(_) => sim::build(gpu, source)?.map_or(Matter::Plain, Matter::Living),

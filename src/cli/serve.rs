@@ -21,8 +21,8 @@ const SESSION: &str = "main";
 const MAX_SESSIONS: usize = 32;
 /// Longest token read from a file, in bytes.
 const MAX_TOKEN: usize = 4096;
-/// How long work may go on after the last client was told goodbye.
-const END: Duration = Duration::from_millis(500);
+/// How long the engine, and then the encoders, may take to end after the last client was told goodbye.
+const END: Duration = Duration::from_millis(800);
 
 /// Serve the web client, the HTTP API and the streams.
 #[derive(clap::Args)]
@@ -121,10 +121,19 @@ async fn serve(args: &Args, token: Token, chosen: Chosen, engine: Engine) -> Res
     }
     print::out(&format!("{}\n", to_open(address, &args.base_path, &token)))?;
     tracing::info!(%address, adapter = engine.gpu().info().name, "listening");
-    server.run(shutdown).await;
-    let _ = tokio::time::timeout(END, engine.stop()).await;
-    tracing::info!("stopped");
-    Ok(())
+    server
+        .run(async {
+            tokio::select! { () = shutdown => {}, _ = engine.ended() => {} }
+        })
+        .await;
+    let ended = async {
+        engine.stop().await;
+        engine.ended().await
+    };
+    match tokio::time::timeout(END, ended).await {
+        Ok(Err(error)) => Err(Failure::broken(error)),
+        _ => Ok(()),
+    }
 }
 
 /// Ready at the first signal to end; a second one ends the process at once.
