@@ -20,7 +20,7 @@ use tyndall::server::{ServeConfig, Server};
 use tyndall::stream::FrameHeader;
 
 /// Camera messages of one measurement.
-const MOVES: u32 = 60;
+const MOVES: u32 = 40;
 /// How long pictures are counted.
 const COUNT: Duration = Duration::from_secs(5);
 

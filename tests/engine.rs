@@ -238,6 +238,32 @@ async fn what_was_blended_while_a_simulation_ran_is_no_part_of_the_final_picture
 }
 
 #[tokio::test]
+async fn a_camera_is_answered_while_the_simulation_cannot_keep_up() {
+    let engine = engine(Settings { fps: 100.0, ..settings() });
+    let mut dense = physarum(None);
+    let Some(volume) = dense.volumes.get_mut("main") else { panic!() };
+    (volume.medium.sigma_t, volume.medium.albedo) = (300.0, [1.0; 3]);
+    let session = engine.create(None, dense).await.unwrap();
+    session.resize(CLIENT, [1280, 720]).await;
+    let mut pictures = session.pictures();
+    for seq in 1..4 {
+        pictures.borrow_and_update();
+        session.move_camera(CLIENT, seq, keys(&json!({"fov_y": 20 + seq}))).unwrap();
+        let mut without = 0;
+        loop {
+            pictures.changed().await.unwrap();
+            if pictures.borrow_and_update().as_ref().unwrap().seen == [(CLIENT, seq)] {
+                break;
+            }
+            without += 1;
+        }
+        // One that was under way, and one that was done between the two lines above.
+        assert!(without <= 2, "{without} pictures without it");
+    }
+    engine.stop().await;
+}
+
+#[tokio::test]
 async fn another_simulation_starts_at_step_0_and_keeps_running() {
     let session = open(&ENGINE, physarum(None)).await;
     session.control(CLIENT, Control::Pause).await.unwrap();

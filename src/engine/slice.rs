@@ -123,9 +123,11 @@ impl Room {
             return Ok(());
         }
         let clock = Instant::now();
-        let moved = clock >= self.next_answer(tools.settings) && self.take_camera();
+        let early = clock < self.next_answer(tools.settings);
         let due = !self.stepping.is_empty() || (self.runs() && clock >= self.next_step);
-        if !due || (moved && self.watched() && !self.answered) {
+        // A picture that is made for a step shows the newest camera, however early it is.
+        let moved = (due || !early) && self.take_camera();
+        if !due || (moved && !early && self.watched() && !self.answered) {
             self.answered |= moved;
             return Ok(());
         }
