@@ -46,6 +46,9 @@ async fn a_converged_picture_comes_once_final_and_lossless_and_then_nothing() {
     // Another client comes, looks and gets its own final picture; the first has seen it.
     let mut other = Client::join(server.address, session.id()).await;
     other.frame_where(|header| header.flags & FLAG_FINAL != 0).await;
+    // A still has its turn after the picture that is made for who comes.
+    let still = format!("/api/v1/sessions/{}/frame?width=16&height=16&spp=1", session.id());
+    assert_eq!(server.get(&still).await.status, 200);
     assert_eq!(client.frames_so_far().await.len(), 0);
 
     client.send(&json!({"type": "patch", "patch": {"display": {"exposure": 1}}})).await;

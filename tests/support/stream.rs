@@ -90,8 +90,7 @@ impl Client {
 
     /// Takes one message off the socket; false when it is closed.
     async fn pump(&mut self) -> bool {
-        let message = tokio::time::timeout(PATIENCE, self.socket.next()).await.expect("nothing came");
-        match message {
+        match self.socket.next().await {
             Some(Ok(Message::Text(text))) => self.texts.push_back(serde_json::from_str(&text).unwrap()),
             Some(Ok(Message::Binary(bytes))) => {
                 let (header, payload) = FrameHeader::split(&bytes).expect("a frame");
@@ -113,14 +112,17 @@ impl Client {
 
     /// The next message that fits; those before it are thrown away.
     pub async fn text_where(&mut self, fits: impl Fn(&Value) -> bool) -> Value {
-        loop {
-            while let Some(message) = self.texts.pop_front() {
-                if fits(&message) {
-                    return message;
+        let wait = async {
+            loop {
+                while let Some(message) = self.texts.pop_front() {
+                    if fits(&message) {
+                        return message;
+                    }
                 }
+                assert!(self.pump().await, "the socket was closed");
             }
-            assert!(self.pump().await, "the socket was closed");
-        }
+        };
+        tokio::time::timeout(PATIENCE, wait).await.expect("no such message came")
     }
 
     /// The next frame.
@@ -130,14 +132,17 @@ impl Client {
 
     /// The next frame that fits; those before it are thrown away.
     pub async fn frame_where(&mut self, fits: impl Fn(&FrameHeader) -> bool) -> Frame {
-        loop {
-            while let Some(frame) = self.frames.pop_front() {
-                if fits(&frame.header) {
-                    return frame;
+        let wait = async {
+            loop {
+                while let Some(frame) = self.frames.pop_front() {
+                    if fits(&frame.header) {
+                        return frame;
+                    }
                 }
+                assert!(self.pump().await, "the socket was closed");
             }
-            assert!(self.pump().await, "the socket was closed");
-        }
+        };
+        tokio::time::timeout(PATIENCE, wait).await.expect("no such frame came")
     }
 
     /// Sends something and waits for its refusal: code and path.
@@ -156,13 +161,15 @@ impl Client {
 
     /// Reads to the end; the code of the close.
     pub async fn closed(&mut self) -> u16 {
-        loop {
-            let message = tokio::time::timeout(PATIENCE, self.socket.next()).await.expect("nothing came");
-            match message {
-                Some(Ok(Message::Close(close))) => return close.map_or(1005, |close| close.code.into()),
-                Some(Ok(_)) => {}
-                other => panic!("the connection ended without a close: {other:?}"),
+        let wait = async {
+            loop {
+                match self.socket.next().await {
+                    Some(Ok(Message::Close(close))) => return close.map_or(1005, |close| close.code.into()),
+                    Some(Ok(_)) => {}
+                    other => panic!("the connection ended without a close: {other:?}"),
+                }
             }
-        }
+        };
+        tokio::time::timeout(PATIENCE, wait).await.expect("the connection stays open")
     }
 }
