@@ -6,7 +6,7 @@ mod credit;
 mod header;
 mod picture;
 
-pub use codec::{Codec, EncodeError, Encoded, encode_jpeg, encode_png};
+pub use codec::{Codec, EncodeError, Encoded, encode, encode_jpeg, encode_png};
 pub use credit::{Credit, WINDOW};
 pub use header::{FLAG_FINAL, FLAG_KEY, FLAG_LOSSLESS, FrameHeader, HEADER_LEN, HEADER_VERSION};
 pub use picture::{Encodings, Picture};
