@@ -9,8 +9,8 @@ FROM debian:bookworm-slim
 # libegl1, libx11-6 and libxext6 are what NVIDIA's Vulkan driver looks for beside itself.
 RUN apt-get update \
     && apt-get install -y --no-install-recommends libvulkan1 mesa-vulkan-drivers libegl1 libx11-6 libxext6 \
-    && rm -rf /var/lib/apt/lists/* \
-    && useradd --system --uid 10001 --no-create-home --home-dir /tmp tyndall \
+    && apt-get clean && rm -rf /var/lib/apt/lists/* /var/cache/apt/*.bin \
+    && useradd --uid 10001 --no-create-home --home-dir /tmp tyndall \
     && mkdir /data
 # Where the container toolkit brings NVIDIA's libraries but no description of them, as on many headless hosts, the Vulkan
 # loader would not find them. A description whose library is absent is passed over.

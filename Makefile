@@ -35,7 +35,7 @@ bench: needs
 	cargo bench
 
 image:
-	$(or $(shell command -v docker),podman) build -t tyndall .
+	$(if $(shell command -v docker),docker build,podman build --format docker) -t tyndall .
 
 # Small pictures of the presets, for the page.
 thumbs: needs
