@@ -264,6 +264,25 @@ async fn a_camera_is_answered_while_the_simulation_cannot_keep_up() {
 }
 
 #[tokio::test]
+async fn a_picture_comes_while_changes_come_faster_than_pictures() {
+    let engine = engine(Settings { fps: 100.0, ..settings() });
+    let mut dense = cloud(64);
+    let Some(volume) = dense.volumes.get_mut("main") else { panic!() };
+    (volume.medium.sigma_t, volume.medium.albedo) = (1000.0, [1.0; 3]);
+    let session = engine.create(None, dense).await.unwrap();
+    session.resize(CLIENT, [1280, 720]).await;
+    let pictures = session.pictures();
+    let shown = || pictures.borrow().as_ref().is_some_and(|picture| picture.revision > 1);
+    let mut changes = 0;
+    while !shown() {
+        changes += 1;
+        assert!(changes < 400, "no picture");
+        patch(&session, json!({"render": {"seed": changes}})).await;
+    }
+    engine.stop().await;
+}
+
+#[tokio::test]
 async fn another_simulation_starts_at_step_0_and_keeps_running() {
     let session = open(&ENGINE, physarum(None)).await;
     session.control(CLIENT, Control::Pause).await.unwrap();

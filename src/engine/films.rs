@@ -221,6 +221,11 @@ impl Films {
         Ok((Which::Swift, self.swift.insert(swift)))
     }
 
+    /// Whether a film is of this subject, with or without a sample.
+    pub(super) fn are_of(&self, subject: &Subject) -> bool {
+        self.full.is_of(subject) || self.swift.as_ref().is_some_and(|swift| swift.is_of(subject))
+    }
+
     /// The film that shows the subject best, if one has a sample of it.
     pub(super) fn showing(&self, subject: &Subject) -> Option<(Which, &Exposure)> {
         let films = [(Which::Full, Some(&self.full)), (Which::Swift, self.swift.as_ref())];

@@ -17,6 +17,9 @@ const PATIENCE_MS: f64 = 400.0;
 /// Share of a picture's time that is left to rendering however long a step takes.
 const RENDER_SHARE: f64 = 0.25;
 
+/// Share of a step's time that its picture may take, where steps are slow anyway.
+const STEP_SHARE: f64 = 0.5;
+
 /// What steps and samples have cost, and the size that follows from it.
 pub(super) struct Pace {
     ns_per_sample: f64,
@@ -58,7 +61,7 @@ impl Pace {
     pub(super) fn choose(&mut self, full: [u32; 2], steps: bool, period: Duration) -> ([u32; 2], u32) {
         let period_ms = period.as_secs_f64() * 1e3;
         let step_ms = if steps { self.step_ms } else { 0.0 };
-        let budget_ms = (period_ms - step_ms).max(period_ms * RENDER_SHARE);
+        let budget_ms = (period_ms - step_ms).max(period_ms * RENDER_SHARE).max(step_ms * STEP_SHARE);
         let last = SCALES.len() - 1;
         let fits = |scale: usize, share: f64| self.picture_ms(full, scale) <= budget_ms * share;
         let mut scale = self.scale;
@@ -128,6 +131,12 @@ mod tests {
         let [still, _] = settled(80, 0).1;
         let [running, _] = settled(80, 20).1;
         assert!(running < still, "{running} < {still}");
+    }
+
+    #[test]
+    fn a_picture_of_a_slow_step_is_no_smaller_than_half_its_time_allows() {
+        let (_, [width, height]) = settled(80, 200);
+        assert_eq!([width, height], FULL);
     }
 
     #[test]

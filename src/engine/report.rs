@@ -42,6 +42,7 @@ impl Room {
         self.pictures.send_replace(Some(Arc::new(picture)));
         self.owed = false;
         self.aim = None;
+        self.overtaken = 0;
         if which == Which::Full {
             self.news = false;
         }

@@ -77,6 +77,8 @@ pub(super) struct Room {
     pub(super) settled: bool,
     /// Size and samples of the moving picture that is under way.
     pub(super) aim: Option<([u32; 2], u32)>,
+    /// Moving pictures that were begun and not finished, because the scene changed, since the last that was.
+    pub(super) overtaken: u32,
     /// Size of the picture at rest that is under way before a whole one.
     pub(super) rung: Option<[u32; 2]>,
     /// When the next picture was begun, and the time spent on it.
@@ -138,6 +140,7 @@ impl Room {
             news: false,
             settled: false,
             aim: None,
+            overtaken: 0,
             rung: None,
             begun: None,
             work: Duration::ZERO,

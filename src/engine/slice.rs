@@ -13,6 +13,9 @@ const MOTION: Duration = Duration::from_millis(80);
 /// How often the noise is looked at while samples accumulate towards `render.noise`.
 const NOISE_EVERY: Duration = Duration::from_secs(1);
 
+/// Times that the time for a picture is doubled, at most.
+const MAX_OVERTAKEN: u32 = 6;
+
 /// When a session has something to do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Wants {
@@ -186,11 +189,14 @@ impl Room {
             // Where pictures blend, each has one sample: the weight is a sample's.
             (size, if self.subject.blends() { 1 } else { spp.min(self.history.scene().render.spp) })
         });
+        // A slider that is dragged changes the subject before a slow picture is done: the next one gets more time.
+        let overtaken = self.aim.is_some() && !self.films.are_of(&self.subject);
+        self.overtaken = (self.overtaken + u32::from(overtaken)).min(MAX_OVERTAKEN);
         self.aim = Some((size, spp));
         let runs = self.runs();
         let (which, exposure) = self.films.of_size(tools.gpu, size, &self.subject, runs)?;
         let before = exposure.taken();
-        let took = exposure.expose(tools.tracer, &self.stage, spp, period * 2, &|_| false)?;
+        let took = exposure.expose(tools.tracer, &self.stage, spp, period * (2 << self.overtaken), &|_| false)?;
         let taken = exposure.taken();
         if taken > before {
             self.pace.rendered(u64::from(size[0]) * u64::from(size[1]), exposure.per_sample);

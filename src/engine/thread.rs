@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Weak};
 use std::thread;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use tokio::sync::{mpsc, watch};
 
@@ -22,6 +22,9 @@ pub type FileReader = Box<dyn Fn(&File) -> Result<Field, String> + Send>;
 
 /// Commands that may wait; who sends more waits himself.
 const COMMANDS: usize = 256;
+
+/// How long commands are taken before the sessions get a turn.
+const COMMANDS_TIME: Duration = Duration::from_millis(5);
 
 /// The session that is there from the start, and is started again when it fails.
 const MAIN: &str = "main";
@@ -89,7 +92,8 @@ impl Keeper {
         };
         loop {
             // Bounded, so that a flood of commands does not keep the sessions from their turns.
-            for _ in 0..COMMANDS {
+            let turn = Instant::now();
+            while turn.elapsed() < COMMANDS_TIME {
                 match self.commands.try_recv() {
                     Ok(Command::Stop) | Err(mpsc::error::TryRecvError::Disconnected) => return Ending::Stopped,
                     Ok(command) => self.take(command),
