@@ -1,5 +1,4 @@
 //! What every scene inside the binary promises to whoever opens it.
-#![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 use std::collections::BTreeSet;
 use std::path::Path;
