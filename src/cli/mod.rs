@@ -1,5 +1,6 @@
 //! What `tyndall` understands, and how it ends.
 
+mod adapter;
 mod convert;
 mod doctor;
 mod exposure;

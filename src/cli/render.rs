@@ -10,6 +10,7 @@ use tyndall::render::{Film, Stage, Tracer};
 use tyndall::scene::Scene;
 use tyndall::world::World;
 
+use super::adapter::on_adapter;
 use super::exposure::{Budget, Picture, mean_and_error};
 use super::failure::Failure;
 use super::output::{self, Output};
@@ -142,14 +143,17 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let budget = budget(args, &chosen.scene);
     check(args, &output, &budget)?;
     let chosen = chosen.read_fields()?;
-    let gpu = Gpu::open(&args.adapter)?;
-    let mut studio = Studio::new(args, &gpu, &chosen, format)?;
+    on_adapter(&args.adapter, |gpu| take_all(args, gpu, &chosen, format, &budget, &output))
+}
+
+fn take_all(args: &Args, gpu: &Gpu, chosen: &Chosen, format: Format, budget: &Budget, output: &Output) -> Result<(), Failure> {
+    let mut studio = Studio::new(args, gpu, chosen, format)?;
     let mut reached = true;
     let frames = args.frames.unwrap_or(1);
     for frame in 0..frames {
         let steps = if frame == 0 { chosen.steps(args.steps) } else { 1 };
         studio.advance(steps)?;
-        reached &= studio.take(&budget)?;
+        reached &= studio.take(budget)?;
         // All that can fail comes before the first file, so that a failure leaves none.
         let mut files = vec![(output.file(frame), studio.encode()?)];
         if let Some(path) = &args.error {

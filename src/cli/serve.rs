@@ -11,6 +11,7 @@ use tyndall::scene::presets;
 use tyndall::server::{ServeConfig, ServeError, Server, random_token};
 use tyndall::volume::Field;
 
+use super::adapter::on_adapter;
 use super::failure::Failure;
 use super::print;
 use super::scene::Chosen;
@@ -73,7 +74,10 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if let Some(data) = args.data.as_deref().filter(|data| !data.is_dir()) {
         return Err(Failure::input(data, "folder", "there is no such folder"));
     }
-    let gpu = Gpu::open(&args.adapter)?;
+    on_adapter(&args.adapter, |gpu| with_engine(args, gpu, &token, &chosen))
+}
+
+fn with_engine(args: &Args, gpu: &Gpu, token: &Token, chosen: &Chosen) -> Result<(), Failure> {
     let software = gpu.is_software();
     let settings = Settings {
         fps: args.fps.unwrap_or(if software { 20.0 } else { 30.0 }),
@@ -81,19 +85,31 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         // Of the machine's memory, or the GPU's: what a small one of its kind has.
         max_memory: if software { 4 << 30 } else { 16 << 30 },
     };
-    let files = reader(chosen.folder.clone(), args.data.clone());
-    let engine = Engine::start(gpu, settings, files).map_err(|error| Failure::broken(format!("the engine thread: {error}")))?;
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .enable_all()
         .build()
         .map_err(|error| Failure::broken(format!("the network's threads: {error}")))?;
-    let served = runtime.block_on(serve(args, token, chosen, engine));
+    let files = reader(chosen.folder.clone(), args.data.clone());
+    let engine =
+        Engine::start(gpu.clone(), settings, files).map_err(|error| Failure::broken(format!("the engine's thread: {error}")))?;
+    let served = runtime.block_on(async {
+        let served = serve(args, token, chosen, &engine).await;
+        // Also after a server that did not start: the engine's thread is at work by then.
+        let ended = async {
+            engine.stop().await;
+            engine.ended().await
+        };
+        match tokio::time::timeout(END, ended).await {
+            Ok(Err(error)) => served.and(Err(Failure::broken(error))),
+            _ => served,
+        }
+    });
     // An encoder at work is not waited for.
     runtime.shutdown_timeout(END);
     served
 }
 
-async fn serve(args: &Args, token: Token, chosen: Chosen, engine: Engine) -> Result<(), Failure> {
+async fn serve(args: &Args, token: &Token, chosen: &Chosen, engine: &Engine) -> Result<(), Failure> {
     // Before anything is said, so that a signal at any time after is heard.
     let shutdown = signal().map_err(|error| Failure::broken(format!("signals: {error}")))?;
     let config = ServeConfig {
@@ -119,21 +135,14 @@ async fn serve(args: &Args, token: Token, chosen: Chosen, engine: Engine) -> Res
     if args.no_auth && !address.ip().is_loopback() {
         tracing::warn!(%address, "everybody who reaches this address can use the server: --no-auth");
     }
-    print::out(&format!("{}\n", to_open(address, &args.base_path, &token)))?;
+    print::out(&format!("{}\n", to_open(address, &args.base_path, token)))?;
     tracing::info!(%address, adapter = engine.gpu().info().name, "listening");
     server
         .run(async {
             tokio::select! { () = shutdown => {}, _ = engine.ended() => {} }
         })
         .await;
-    let ended = async {
-        engine.stop().await;
-        engine.ended().await
-    };
-    match tokio::time::timeout(END, ended).await {
-        Ok(Err(error)) => Err(Failure::broken(error)),
-        _ => Ok(()),
-    }
+    Ok(())
 }
 
 /// Ready at the first signal to end; a second one ends the process at once.

@@ -7,6 +7,7 @@ use tyndall::gpu::{AdapterChoice, Gpu, GpuError};
 use tyndall::volume::Field;
 use tyndall::world::{World, WorldError};
 
+use super::adapter::on_adapter;
 use super::convert::FieldFormat;
 use super::failure::Failure;
 use super::output::Output;
@@ -64,25 +65,28 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let chosen = Chosen::read(&args.scene, args.seed)?;
     let volume = volume(args, &chosen)?;
     let chosen = chosen.read_fields()?;
+    on_adapter(&args.adapter, |gpu| step_all(args, gpu, &chosen, &volume, &format, &output))
+}
+
+fn step_all(args: &Args, gpu: &Gpu, chosen: &Chosen, volume: &str, format: &Format, output: &Output) -> Result<(), Failure> {
     let steps = chosen.steps(args.steps);
-    let gpu = Gpu::open(&args.adapter)?;
-    let mut world = grow(&gpu, &chosen)?;
+    let mut world = grow(gpu, chosen)?;
     let write = |world: &mut World| {
         let bytes = match format {
-            Format::Field(format) => format.write(&field(args, &volume, world)?),
-            Format::Particles(write) => particles(&volume, world, write)?,
+            Format::Field(format) => format.write(&field(args, volume, world)?),
+            Format::Particles(write) => particles(volume, world, *write)?,
         };
         output.write(world.steps(), &bytes)
     };
     let mut progress = Progress::new(args.progress, "simulate", steps.into());
     match args.every {
         None => {
-            advance(&gpu, &mut world, steps, &mut progress)?;
+            advance(gpu, &mut world, steps, &mut progress)?;
             write(&mut world)?;
         }
         Some(every) => {
             for _ in 0..steps / every {
-                advance(&gpu, &mut world, every, &mut progress)?;
+                advance(gpu, &mut world, every, &mut progress)?;
                 write(&mut world)?;
             }
         }
