@@ -1,7 +1,7 @@
-//! Rebuilds the binary when a file that it holds is added or changed.
+//! Builds again when a file joins or leaves a folder that is inside the binary.
 
 fn main() {
-    for folder in ["shaders", "static", "presets"] {
+    for folder in ["presets", "shaders", "static"] {
         println!("cargo::rerun-if-changed={folder}");
     }
 }
