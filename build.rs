@@ -1,7 +1,7 @@
-//! Builds again when a file joins or leaves a folder that is inside the binary.
+//! Rebuilds the binary when a file that it holds is added or changed.
 
 fn main() {
-    for folder in ["presets", "shaders", "static"] {
+    for folder in ["shaders", "static", "presets"] {
         println!("cargo::rerun-if-changed={folder}");
     }
 }
